@@ -11,7 +11,6 @@ from jaxtyping import Array, Bool, Float
 from ..march.cuts import AbstractPassage
 from ..system.base import AbstractSystem
 from ..system.dynamics import solve
-from ..system.frequencies import with_all_acting
 from ..system.held import can_hold, goes_on, hold, oscillates
 from ..system.local import local_system
 from ..system.stabilization import Baumgarte
@@ -67,8 +66,8 @@ class Passage(AbstractPassage):
     not feel the other law, what begins and ends within a step is looked for by dense output.
 
     - `stabilization`: of the accelerations. `rtol`: of the run.
-    - `hard` (contacts,): which of them have a force that grows otherwise than in proportion, whose
-      law does not go on smoothly.
+    - `hard` (contacts,): which of them have a law that does not go on smoothly, as the force of a
+      contact, which grows otherwise than in proportion.
     - `holds` (contacts,): which of them can be held. `oscillates` (contacts,): which of them a long
       step, of bodies that just turn, might pass again and again.
     """
@@ -90,8 +89,7 @@ class Passage(AbstractPassage):
         gaps = full.state(jnp.zeros(()), full.q0, full.v0).gaps()
         if gaps is None:
             return None
-        in_proportion = with_all_acting(full) is not None
-        hard = tuple(not (in_proportion or smooth) for smooth in goes_on(full))
+        hard = tuple(not smooth for smooth in goes_on(full))
         holds = can_hold(system)
         # A system of samples has the effects of the full one once more, in the same order.
         own = holds[: len(gaps)]

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..common import precision
 from ..integrate.judge import drift_of
+from ..integrate.turning import turning
 from ..system.base import AbstractSystem, Run
 from ..system.dynamics import linearize, solve
 from ..system.schedule import Schedule
@@ -53,10 +54,10 @@ def physical_output(system: AbstractSystem, t: Array, x: State) -> Mapping[str, 
 
 
 def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
-    """Whether the constraints hold, and their rates."""
+    """Whether the constraints hold, and their rates; and how fast bodies turn."""
     q, v = x[: system.n], x[system.n :]
     state = Start.of(system, t, q, v, precision.of(q.dtype).start_tolerance)
-    return {"good": jnp.stack([state.closed, state.fits])}
+    return {"good": jnp.stack([state.closed, state.fits]), "turning": turning(system, t, q, v)}
 
 
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:

@@ -90,7 +90,7 @@ API fmi3Status fmi3CompletedIntegratorStep(fmi3Instance pointer, fmi3Boolean no_
 /* Steps up to a time; those that it cuts say nothing of how long the next one may be. */
 static int advance(memory *m, double end) {
   settings s = {m->rtol, m->rtol, 0, end, 0, METHOD, 1, CORNERS, MOST_STEPS, m->corner,
-                m->given, NULL};
+                m->given, NULL, m->rtol};
   int status = SUCCESS, steps = 0, kept = 1;
   s.least = 4 * EPS * larger(fabs(m->t), fabs(end));
   if (m->length == 0) m->length = larger(1e-3 * pow(s.rtol, 0.2) * (end - m->t), s.least);

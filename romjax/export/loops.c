@@ -118,6 +118,12 @@ static int resolved(const settings *s, const outputs *out, int64_t steps) {
   return s->follow ? fine : best >= smaller(1e-2 / s->rtol, 1e4);
 }
 
+/* As romjax/integrate/turning.py has it. */
+static double turning_rtol(double rtol, double turning, double span) {
+  double turns = larger(turning * span / (6 * 3.141592653589793), 1);
+  return larger(rtol / (turns * turns), smaller(rtol, 500 * EPS));
+}
+
 static void begin_run(const double *x0, const settings *s, int own, double *y) {
   double start[X];
   model_initial(s->given, start KEPT(s->kept + KEPT_AT_INITIAL));
@@ -132,17 +138,18 @@ static void begin_run(const double *x0, const settings *s, int own, double *y) {
 void model_run(const double *x0, const double *given, const double *ts, int64_t rows,
                const double *numbers, const int64_t *counts, double *q, double *v, double *x,
                double *violation, int64_t *told, const directions *along) {
-  double corner[CORNERS + 1], t = ts[0], next, good[2];
+  double corner[CORNERS + 1], t = ts[0], next, good[2], turning;
   int controlled = numbers[2] == 0, status = SUCCESS;
   settings s = {numbers[0], numbers[1], numbers[2], ts[rows - 1], 0, (int)counts[0],
                 (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given,
-                along ? along->room : NULL};
+                along ? along->room : NULL, numbers[0]};
   outputs out = {q, v, x, violation, {0}, {0}, {0}, 0, 1, 1};
   state m;
   int64_t steps = 0, accepted = 0, row = 0;
   model_corners(given, corner);
   begin_run(x0, &s, (int)counts[3], m.y);
-  model_start(t, m.y, given, good);
+  model_start(t, m.y, given, good, &turning);
+  if (s.follow) s.fine = turning_rtol(s.rtol, turning, s.t1 - t);
   m.fresh = 1;
 #ifdef ALONG
   slope(t, m.y, &s, 0, m.k[0]);
@@ -151,7 +158,7 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
 #endif
   begin(&m.so_far, m.y);
   s.least = 4 * EPS * larger(fabs(ts[0]), fabs(s.t1));
-  next = larger(1e-3 * pow(s.rtol, 0.2) * (s.t1 - t), s.least);
+  next = larger(1e-3 * pow(s.fine, 0.2) * (s.t1 - t), s.least);
   next = limited(&s, t, t + (controlled ? next : s.dt), 1);
   while (t < s.t1 && steps < s.max_steps && status == SUCCESS) {
     double h = next - t, dt;

@@ -27,6 +27,7 @@ typedef struct {
   int64_t max_steps;
   const double *corner, *given;
   double *kept;
+  double fine; /* rtol of steps, which is smaller where bodies turn many times */
 } settings;
 
 /* Where numbers are kept: those of the rates of each stage first. */
@@ -87,8 +88,8 @@ static double scaled(const settings *s, reach *r, const double *x, const double 
     if (s->follow) {
       double from = fabs(x[i] - r->origin[i]), to = fabs(end[i] - r->origin[i]);
       double moved = larger(from, to), fast = larger(fabs(x[N + i]), fabs(end[N + i]));
-      by_q = s->rtol * larger(smaller(r->distance[kind], 1) * SHARE[i], moved) + noise;
-      by_v = s->rtol * larger(smaller(r->speed[kind], 1) * SHARE[i], fast) + noise / h;
+      by_q = s->fine * larger(smaller(r->distance[kind], 1) * SHARE[i], moved) + noise;
+      by_v = s->fine * larger(smaller(r->speed[kind], 1) * SHARE[i], fast) + noise / h;
     } else {
       by_q = s->atol + s->rtol * larger(fabs(x[i]), fabs(end[i]));
       by_v = s->atol + s->rtol * larger(fabs(x[N + i]), fabs(end[N + i]));

@@ -32,7 +32,7 @@ _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
 # Steps of Dopri8 up to which rods without damping are followed: Rodas5P takes more of them, each at
 # several times the cost (measured for pendulums up to 4000 steps, whose tips turn by 1 to 1e-3).
 _RUNG = 1e4
-# Steps of Dopri8 up to which a system may rest on its stops for all of a run.
+# Steps of Dopri8 up to which a system may rest on its stops or contacts for all of a run.
 _RESTED = 1e4
 # What a step of Rodas5P costs in steps of Dopri8: by parts, whatever the number of coordinates; of
 # the whole residual, at first and for each coordinate.
@@ -130,14 +130,14 @@ def default_method(
     Stiff: the fastest frequency is above what the outputs can show, half their rate (counted as a
     hundred at least), or above what a fixed step resolves. Between its long steps, outputs of
     Dopri8 carry some twenty times the tolerance. While JAX traces, numbers are unknown,
-    and flexible systems count as stiff. So do contacts, with any step size control: a long step
-    from free flight may end inside, where the last stages of Dopri8 see a force that its estimate
-    of the error does not. Stops of joints, whose force grows with the depth alone, count as
-    contacts nowhere. How fast the system is on them limits steps only while it is there: pendulums
-    between stops took 2 to 4 times as many steps by Rodas5P (36 at random, up to 5000 rad a run),
-    with errors up to 60 times as large. It counts where a run that rests on a stop throughout would
-    take Dopri8 more than ten thousand steps. A fast spin in space is not stiff: every method has to
-    follow it; nor are rods without damping, whose fast vibrations are in what bends far.
+    and flexible systems count as stiff. So do contacts with friction, which sticks as fast as its
+    creep is slow, with any step size control. How fast a system is on stops, taut ropes and
+    contacts without friction limits steps only while it is there: pendulums between stops took 2 to
+    4 times as many steps by Rodas5P (36 at random, up to 5000 rad a run), with errors up to 60
+    times as large, and ropes and contacts twice as many. It counts where a run that rests there
+    throughout would take Dopri8 more than ten thousand steps, of a contact about a millimetre deep.
+    A fast spin is not stiff: every method has to follow it; nor are rods without damping, whose
+    fast vibrations are in what bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where
@@ -160,11 +160,11 @@ def default_method(
     # From here on Python's numbers, which take a tenth of the time of NumPy's.
     acting = float(np.asarray(start.acting))
     if acting == np.inf:
-        return Method(implicit, "contacts may begin within a step")
+        return Method(implicit, "contacts may begin that stick by friction")
     outputs, span = len(times) - 1, float(times[-1] - times[0])
     acting = acting if acting * span / _STABLE > _RESTED else 0.0
     fastest, spin = max(float(known), acting), float(np.asarray(start.spin))
-    if fastest <= _SPINS * spin:
+    if 0 < fastest <= _SPINS * spin:
         return Method(explicit, "the spin of a body, which has to be followed, is as fast as any")
     cost = _BY_PARTS if system.structure.by_parts else _WHOLE + _COORDINATE * system.n
     if fastest * span / max(outputs, _OUTPUTS) <= np.pi:

@@ -39,6 +39,7 @@ from .post_step import PostStep, PostStepSolver
 from .settings import Settings
 from .term import ChartedMotionTerm, ChartedState, MotionTerm, State
 from .ticks import UntilTick, ticks
+from .turning import for_turns
 from .whole_implicit import WholeImplicit, takes_two_terms
 
 # Keys of the followers that are not differentiated.
@@ -81,10 +82,11 @@ def integrate(
     Never raises: its progress says how it ended.
     """
     post_step = post_step_of(system, settings.projection)
-    term, solver, y0 = _problem(system, q0, v0, post_step, settings)
-    structure, given = system.structure, (settings.rtol, settings.atol, settings.follow)
+    of_steps = for_turns(system, post_step, ts, q0, v0, settings)
+    term, solver, y0 = _problem(system, q0, v0, post_step, of_steps)
     shares = None if settings.dt is not None else amplitude_shares(system, q0)
-    tolerances = Tolerances.of(structure.is_position, *given, structure.is_state, shares)
+    # What a run is judged by is what was asked for, however often its bodies turn.
+    asked_for, tolerances = (_tolerances(system, x, shares) for x in (settings, of_steps))
     controller, first = _step_size_control(ts, settings, tolerances)
     watch = _watch(system, post_step, ts, settings, tolerances)
     corners, longest, passage = _limits(system, post_step, ts, settings)
@@ -111,7 +113,7 @@ def integrate(
     if known is None or settings.forward:
         known, steps = None, steps.without_transpose()
     start = steps.start(y0)
-    others = _followers(system, post_step, tolerances, steps, start, settings)
+    others = _followers(system, post_step, asked_for, steps, start, settings)
     asked = jnp.asarray(len(ts) if count is None else count)
     output = output_of(system, settings.projection)
     outputs = Outputs(output, ts, asked, _imbalance if settings.audit else None)
@@ -128,6 +130,14 @@ def integrate(
     held = end.watching.stopped & (jnp.arange(len(ts)) >= saved.number)
     events = watch.describe(seen[EVENTS], end.watching)
     return _hold_after_stop(run._replace(events=events), held, output), end
+
+
+def _tolerances(
+    system: AbstractSystem, settings: Settings, shares: Float[Array, " n"] | None
+) -> Tolerances:
+    """Return the tolerances of a system's coordinates and velocities."""
+    structure, given = system.structure, (settings.rtol, settings.atol, settings.follow)
+    return Tolerances.of(structure.is_position, *given, structure.is_state, shares)
 
 
 def _limits(

@@ -75,13 +75,16 @@ def simulate(
     - `q0`, `v0`: start in the system's coordinates; those of the system unless given.
     - `solver`: any diffrax solver; unless given, `Rodas5P()` where the fastest frequency of the
       system at its start is above what the outputs can show, and so far above that the steps
-      that it saves pay for theirs; `diffrax.Dopri8()` elsewhere, and for rods that nothing damps
+      that it saves pay for theirs, or where contacts with friction may begin; `diffrax.Dopri8()`
+      elsewhere, at stops, ropes and contacts without friction too, and for rods that nothing damps
       (while JAX traces: Rodas5P for other flexible systems). `Trajectory.solver` is the one that
       was used.
     - `rtol`, `atol`: tolerances of the step size control. Unless `atol` is given, errors are
       relative to how far and how fast the motion has got, of whatever size it is; but where it
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
-      these units and relative to each coordinate (`romjax/march/tolerances.py`). The
+      these units and relative to each coordinate (`romjax/march/tolerances.py`). Where bodies
+      turn N times at the angular velocity of their start, and no joint prescribes a motion, steps
+      take 9 / N² of that, beyond three turns (`romjax/integrate/turning.py`). The
       iterations of implicit methods of diffrax take `rtol` in metres for `atol`; with these, a
       motion of less than a centimetre is repeated with both as much smaller as it is (not while
       JAX traces, where `Trajectory.flags` says so).

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..common.arrays import Time
-from ..linalg import quaternions
 from ..scene.effect.base import AbstractMarkerEffect
 from .base import AbstractSystem
 from .dynamics import solve
@@ -26,7 +25,7 @@ class Frequencies(NamedTuple):
 
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
-    spin: Float[Array, ""]  # fastest angular velocity of a body in space
+    spin: Float[Array, ""]  # fastest angular velocity of a body
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness depends on how deep they are, or where nobody asks.
     acting: Float[Array, ""]
@@ -46,25 +45,27 @@ def frequencies(
     """
     acting = with_all_acting(system) if with_acting and system.structure.contacts else None
     rigid, fastest, all_acting = _estimate(system, t, q, v, acting)
-    starts = system.full.structure.quaternions
     constrained = system.m > 0 and system.full is not system
-    if not constrained and not starts:
+    if not constrained and not system.full.structure.frames:
         return Frequencies(rigid, fastest, jnp.zeros_like(fastest), all_acting)
     state = system.state(t, q, v)
     if constrained:
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
-    return Frequencies(rigid, fastest, _spin(starts, state.q, state.v), all_acting)
+    return Frequencies(rigid, fastest, spin(system.full, state.q, state.v), all_acting)
 
 
-def _spin(
-    starts: tuple[int, ...], q: Float[Array, " N"], v: Float[Array, " N"]
-) -> Float[Array, ""]:
-    """The fastest angular velocity [rad/s], 2 |ṗ| / |p| where |p| is constant."""
-    if not starts:
+def spin(full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, ""]:
+    """The fastest angular velocity of the bodies of a full system [rad/s]; zero where it has none.
+
+    In space it is 2 |ṗ| / |p|, where |p| is constant.
+    """
+    structure = full.structure
+    if not structure.frames:
         return jnp.zeros((), q.dtype)
-    columns = quaternions.columns(starts)
-    squared = jnp.sum(v[columns] ** 2, axis=1) / jnp.sum(q[columns] ** 2, axis=1)
-    return 2 * jnp.sqrt(jnp.max(squared))
+    q, v = q[structure.turns], v[structure.turns]
+    if not structure.quaternions:
+        return jnp.max(jnp.abs(v))
+    return 2 * jnp.sqrt(jnp.max(jnp.sum(v**2, axis=1) / jnp.sum(q**2, axis=1)))
 
 
 def with_all_acting(system: AbstractSystem) -> _Acting | None:

@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
@@ -17,6 +18,10 @@ from ..fields import Converted, check_numbers, number
 from ..marker import Marker, Pose, Poses, Twists, Wrenches
 from ..outline import Outline, Outlines
 from .base import AbstractMarkerEffect, check_markers, displacement
+
+# A depth at which contacts are as stiff as those that bodies rest on, within factors that count by
+# their fourth root [m].
+_DEPTH = 1e-3
 
 
 class Friction(eqx.Module):
@@ -104,6 +109,14 @@ class AbstractContact(AbstractMarkerEffect):
     def room(self, *poses: Pose) -> Float[Array, ""]:
         return self.gap(local_point(*poses))
 
+    def acting(self, acts: Bool[Array, ""]) -> "AbstractMarkerEffect | None":
+        """Return the contact as the spring that it is about a depth of a millimetre, if it is to
+        act, else as it is; None with friction, which sticks as fast as its creep is slow.
+        """
+        if self.friction is not None or self.held(jnp.zeros(())) is None:
+            return None
+        return _Pressed(self, jnp.broadcast_to(acts, jnp.shape(self.stiffness)))
+
     def held(self, side: Float[Array, ""]) -> "AbstractContact":
         """Return the contact without its force, or as it is: no law goes on smoothly outside."""
         held: AbstractContact = eqx.tree_at(
@@ -151,6 +164,32 @@ class AbstractContact(AbstractMarkerEffect):
         # pass through `where`.
         inside = gap < 0
         return jnp.where(inside, -gap / steepness, 1.0), inside, slope / steepness
+
+
+class _Pressed(AbstractMarkerEffect):
+    """A contact that may be a spring, along its gap, at any state."""
+
+    contact: AbstractContact
+    pressed: Bool[Array, ""]
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        return self.contact.markers
+
+    @property
+    def needs_twists(self) -> bool:  # type: ignore[override]
+        return self.contact.needs_twists
+
+    def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
+        gap, _, wrenches = displacement(self.contact.room, poses, ())
+        # Twice as deep it is 1.2 times as fast.
+        spring = wrenches(-1.5 * _DEPTH**0.5 * self.contact.stiffness * gap)
+        own = self.contact.wrenches(t, poses, twists)
+        chosen: Wrenches = jax.tree.map(partial(jnp.where, self.pressed), spring, own)
+        return chosen
+
+    def check(self) -> None:
+        """Nothing: the contact has been checked."""
 
 
 class Contact(AbstractContact):

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...common.arrays import Time
 from ..fields import Converted, check_numbers, number
@@ -84,6 +84,18 @@ class Rope(AbstractMarkerEffect):
             # Never a push: a rope that shortens faster than the damping allows is slack.
             tension *= jnp.maximum(1 + self.dissipation * rate(), 0)
         return wrenches(-tension)
+
+    def acting(self, acts: Bool[Array, ""]) -> "Rope":
+        """Return the rope as a spring without loss, if it is to act, else as it is."""
+        stiffness = self.stiffness
+        loss = jnp.zeros_like(stiffness) if self.dissipation is None else self.dissipation
+        other: Rope = eqx.tree_at(
+            lambda rope: rope.dissipation,
+            self,
+            jnp.where(acts, 0.0, loss),
+            is_leaf=lambda x: x is None,
+        )
+        return other.held(jnp.where(acts, -1.0, 0.0) + 0 * stiffness)
 
     def held(self, side: Float[Array, ""]) -> "Rope":
         """Return the rope as a spring on both sides of its length, or as none."""

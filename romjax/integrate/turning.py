@@ -1,0 +1,69 @@
+"""Tolerances of the steps of runs in which bodies turn many times.
+
+Errors of the steps change the energy of a body that turns, all with one sign, so that its angular
+velocity drifts in proportion to the turns N and to the tolerance, and its angle as N². With
+tolerances that go with 1/N² the error of the angle is the same after any number of turns; methods
+of a high order err by less the tighter they are.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.arrays import Time
+from ..system.base import AbstractSystem
+from ..system.frequencies import spin
+from ..system.local import local_system
+from ..system.mobility import moves
+from .settings import Settings
+
+# Turns after which angles of free bodies and whirling pendulums err by 5 to 50 times the tolerance.
+_TURNS = 3.0
+# Nothing is below, in units in the last place, where rounding errors are those of a step.
+_DIGITS = 500
+
+
+def turning(
+    system: AbstractSystem, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]
+) -> Float[Array, ""]:
+    """The fastest angular velocity of a body at a state [rad/s]; zero where joints move with time,
+    since no angle drifts that is prescribed.
+    """
+    full = system.full
+    if not full.structure.frames or (full.m and moves(full)):
+        return jnp.zeros((), q.dtype)
+    state = system.state(t, q, v)
+    return jax.lax.stop_gradient(spin(full, state.q, state.v))
+
+
+def turning_rtol(rtol: Any, turning: Float[Array, ""], span: Any) -> Float[Array, ""]:
+    """The relative tolerance of the steps of a run that lasts for `span` [s], in which bodies go on
+    with the angular velocity `turning` of its start.
+    """
+    turns = turning * jax.lax.stop_gradient(span) / (2 * np.pi * _TURNS)
+    least = jnp.minimum(rtol, _DIGITS * jnp.finfo(turns.dtype).eps)
+    return jnp.maximum(rtol / jnp.maximum(turns, 1) ** 2, least)
+
+
+def for_turns(
+    system: AbstractSystem,
+    post_step: Any,
+    ts: Float[Array, " k"],
+    q0: Float[Array, " n"],
+    v0: Float[Array, " n"],
+    settings: Settings,
+) -> Settings:
+    """The settings of a run with tolerances of its steps for as many turns as bodies make in it;
+    tolerances that are given, and do not follow the motion, stay.
+    """
+    if settings.dt is not None or not system.full.structure.frames:
+        return settings
+    chart = None if post_step is None else post_step.start(system)
+    if chart is not None:
+        system = local_system(system, post_step, (q0, v0, chart))
+    finer = turning_rtol(settings.rtol, turning(system, ts[0], q0, v0), ts[-1] - ts[0])
+    rtol, atol = (jnp.where(settings.follow, finer, x) for x in (settings.rtol, settings.atol))
+    return settings._replace(rtol=rtol, atol=atol)

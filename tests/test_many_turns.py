@@ -1,0 +1,127 @@
+"""Motions whose bodies turn up to a hundred times: the angle is as accurate as after three."""
+
+import jax
+import numpy as np
+import pytest
+from comparison import assert_close
+from scipy.integrate import solve_ivp
+from tolerances import IDENTITY
+from zoo import DOPRI8, GRAVITY, RODAS5P, bar, system
+
+import romjax as rj
+from romjax.integrate.default import default_method
+from romjax.integrate.turning import turning, turning_rtol
+from romjax.system.frequencies import Frequencies
+
+RTOL = 1e-6  # of `simulate` with nothing set
+ALLOWED = 100 * RTOL  # of the motion's size
+SPIN = 12.0
+TURNS = np.array([3.0, 10.0, 30.0, 100.0])
+MOMENTS, WAY = np.array([1.0, 2.0, 2.7]), np.array([0.6, 0.48, 0.64])
+TIGHT = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+
+
+def pendulum(spin=SPIN) -> rj.Scene:
+    """A bar on its hinge that goes round."""
+    return bar(angle=-np.pi / 2, spin=spin)
+
+
+def tip(run) -> np.ndarray:
+    """The direction of the bar."""
+    angle = run["bar1.phi"]
+    return np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+def true_tip(ts) -> np.ndarray:
+    """φ'' = −3 g cos φ / (2 L) of a bar of one metre."""
+    seen = solve_ivp(
+        lambda t, y: [y[1], -1.5 * GRAVITY * np.cos(y[0])],
+        (0.0, ts[-1]), [-np.pi / 2, SPIN], t_eval=ts, **TIGHT,
+    )  # fmt: skip
+    return np.stack([np.cos(seen.y[0]), np.sin(seen.y[0])], -1)
+
+
+def tumbler(spin=SPIN) -> rj.Scene:
+    """A body of three moments of inertia that turns freely in space."""
+    return rj.Scene([rj.spatial.RigidBody("body", 1.0, MOMENTS, angular_velocity=spin * WAY)])
+
+
+def quaternion(run) -> np.ndarray:
+    """Of a body that starts at (1, 0, 0, 0), with the length one."""
+    p = np.asarray(run.q)[..., 3:7]
+    return p / np.linalg.norm(p, axis=-1, keepdims=True)
+
+
+def true_quaternion(ts) -> np.ndarray:
+    """Euler's equations, and p' = p (0, ω) / 2."""
+
+    def rate(t, y):
+        p, spin = y[:4], y[4:]
+        turned = np.append(-p[1:] @ spin, p[0] * spin + np.cross(p[1:], spin)) / 2
+        return np.append(turned, -np.cross(spin, MOMENTS * spin) / MOMENTS)
+
+    start = [1.0, 0.0, 0.0, 0.0, *SPIN * WAY]
+    return solve_ivp(rate, (0.0, ts[-1]), start, t_eval=ts, **TIGHT).y[:4].T
+
+
+CASES = {
+    "whirling": (pendulum, tip, true_tip),
+    "tumbling": (tumbler, quaternion, true_quaternion),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", [None, RODAS5P], ids=["default", "Rodas5P"])
+@pytest.mark.parametrize("case", CASES)
+def test_many_turns(case, solver):
+    """Under `jit` and `vmap` too, where lanes turn up to different times."""
+    make, seen, truth = CASES[case]
+    every = 2 * np.pi * TURNS[:, None] / SPIN * np.linspace(0.0, 1.0, 101)
+    whole = rj.assemble(make())
+
+    def lane(ts):
+        run = rj.simulate(whole, ts, solver=solver, throw=False)
+        return run.q, run.flags
+
+    q, flags = jax.jit(jax.vmap(lane))(every)
+    assert not np.any(flags)
+    runs = [rj.simulate(whole, ts, solver=solver) for ts in every]
+    assert all(run.is_valid for run in runs)
+    if solver is None:
+        assert {run.solver_name for run in runs} == {"Dopri8"}
+    for ts, run, own in zip(every, runs, q, strict=True):
+        assert_close(seen(run), truth(ts), ALLOWED)
+        # Both take the same steps, but for rounding.
+        assert_close(own, run.q, ALLOWED / 100, np.max(np.abs(own)))
+
+
+@pytest.mark.slow
+def test_many_turns_by_joint_coordinates():
+    joint = rj.reduce(rj.assemble(pendulum()), formulation=rj.JointCoordinates())
+    ts = 2 * np.pi * 30 / SPIN * np.linspace(0.0, 1.0, 101)
+    for solver in (None, RODAS5P):
+        assert_close(tip(rj.simulate(joint, ts, solver=solver)), true_tip(ts), ALLOWED)
+
+
+def test_tolerances_go_with_the_square_of_the_turns():
+    rates = 2 * np.pi * np.array([0.0, 3.0, 30.0, 1e9])
+    shares = [1.0, 1.0, 1e-2, 500 * np.finfo(float).eps / RTOL]
+    finer = [turning_rtol(RTOL, rate, 1.0) for rate in rates]
+    assert_close(finer, RTOL * np.array(shares), IDENTITY)
+    # What is asked for stays, however fine.
+    assert turning_rtol(1e-14, rates[2], 1.0) == 1e-14
+
+
+def test_how_fast_bodies_turn():
+    whole, v = system(pendulum), system(pendulum).v0
+    assert_close(turning(whole, 0.0, whole.q0, v), SPIN, IDENTITY, SPIN)
+    body = rj.assemble(tumbler())
+    assert_close(turning(body, 0.0, body.q0, body.v0), SPIN, IDENTITY, SPIN)
+
+
+def test_a_whirling_body_is_followed_by_an_explicit_method():
+    """Each of its turns has to be followed, whatever the outputs show."""
+    ts, whole = np.linspace(0.0, 100.0, 101), system(pendulum)
+    for spin, solver in ((SPIN, type(DOPRI8)), (0.0, type(RODAS5P))):
+        start = Frequencies(*(np.asarray(x) for x in (SPIN, SPIN, spin, 0.0)))
+        assert isinstance(default_method(whole, ts, None, start).solver, solver)
