@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+import zoo
 from at_rest import both_slopes, hung_twice
 from comparison import assert_close
 from programs import kept
@@ -15,6 +16,7 @@ from romjax.scene.body.modes import bending_roots, bending_shapes
 # Required: of displacements in metres and of slopes.
 EXACT = 1e-9
 MASS, STIFFNESS = 2.0, 50.0
+SPEED = 3.0  # of a drive [rad/s]
 
 
 def hung(stiffness=STIFFNESS, load=0.0) -> rj.AbstractSystem:
@@ -115,3 +117,41 @@ def test_single_precision_is_named_where_it_may_be_the_cause():
         pytest.raises(rj.SimulationError, match="In single precision.*jax_enable_x64"),
     ):
         rj.equilibrium(rj.assemble(rj.Scene([rj.RigidBody("ball", 1.0, 1.0)], [], [rj.Gravity()])))
+
+
+def driven_bars() -> rj.AbstractSystem:
+    """Two level bars, of which the first is turned from where it is; the weight of the second has
+    no stiffness there.
+    """
+    scene = zoo.bars(spins=(SPEED, SPEED))
+    drive = rj.PrescribedAngle(scene.bodies[0].at(), rj.ground.at(), rj.Ramp(SPEED))
+    return rj.assemble(rj.Scene(scene.bodies, [*scene.joints, drive], scene.effects))
+
+
+@pytest.mark.parametrize("t", [0.5, 20.0])
+def test_a_drive_that_has_gone_far(t):
+    """The second bar hangs or stands at the end of the first, after some turns of that, too."""
+    system = driven_bars()
+    q = np.asarray(rj.equilibrium(system, t=t))
+    assert_close(q[2], SPEED * t, EXACT)
+    assert_close(np.abs(q[5]), 0.5 * np.pi, EXACT)
+    assert_close(q[3:5], [np.cos(SPEED * t), np.sin(SPEED * t) + 0.5 * np.sign(q[5])], EXACT)
+    # A rod of length l swings by √(3 g / 2 l).
+    assert_close(rj.modes(system, q, t=t).frequencies, [np.sqrt(1.5 * GRAVITY)], EXACT)
+
+
+@pytest.mark.parametrize("wrong", ["a", None, [1.0, 2.0], np.nan])
+def test_a_time_that_is_none(wrong):
+    system = zoo.system(zoo.bars)
+    verbs = [
+        lambda t: rj.equilibrium(system, t=t),
+        lambda t: rj.modes(system, t=t),
+        lambda t: rj.linearize(system, {}, [], t=t),
+        lambda t: rj.consistent(system, t=t),
+    ]
+    for verb in verbs:
+        with pytest.raises(rj.InputError, match=r": t (is|has)"):
+            verb(wrong)
+    if wrong is not None:
+        with pytest.raises(rj.InputError, match=r"measure: t (is|has)"):
+            rj.measure(system, system.q0, rj.ground.at(), t=wrong)

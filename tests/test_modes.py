@@ -154,6 +154,26 @@ def test_a_bar_on_an_arm_that_is_driven():
     assert_close(found.frequencies, [np.sqrt(1.5) * SPEED], EXACT)
 
 
+def test_states_that_the_drive_contradicts():
+    """It moves at v = 0, which is no rest, and is elsewhere at another time; but a frame that turns
+    takes the ground with it.
+    """
+    system = rj.assemble(driven_arm(SPEED, 0.7))
+    for verb in (rj.modes, linear_model):
+        with pytest.raises(rj.InputError, match=r"PrescribedAngle.* is violated at the rate -2 /s"):
+            verb(system, v=np.zeros(6))
+        with pytest.raises(
+            rj.InputError, match=r"PrescribedAngle.* is violated by -1 in the state"
+        ):
+            verb(system, t=0.5)
+    found = rj.modes(system, turning=SPEED)
+    assert_close(found.frequencies, [np.sqrt(1.5) * SPEED], EXACT)
+
+
+def linear_model(system, **at):
+    return rj.linearize(system, {}, ["bar2.phi"], **at)
+
+
 def driven_arm(speed: float, angle: float) -> rj.Scene:
     scene = zoo.bars(angles=(angle, angle), spins=(speed, speed), gravity=0.0)
     drive = rj.PrescribedAngle(scene.bodies[0].at(), rj.ground.at(), rj.Ramp(speed))

@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.standing import standing
 from ..common.arrays import Vector, as_array, concrete
-from ..common.checks import check_finite, check_shape
+from ..common.checks import as_time, check_finite, check_shape
 from ..common.compat import is_outermost
 from ..common.errors import SimulationError
 from ..common.partition import detached
@@ -46,6 +46,30 @@ class _Reached(NamedTuple):
     count: Any
 
 
+class _Manner(NamedTuple):
+    """How the continuation goes: whether Newton's steps are strides, how far `most` a load step may
+    move bodies, and whether drives, and whatever else does not hold at the start, go their way with
+    the load, or are in their places from the first step on.
+    """
+
+    strides: Bool[Array, "*manners"]
+    most: Float[Array, "*manners"]
+    drives: Bool[Array, "*manners"]
+
+    @classmethod
+    def each(cls, dtype: Any) -> "_Manner":
+        """Return them in turn: each is for what those before it do not follow.
+
+        A drive may be further off its start than a load step goes. Shapes whose stiffness differs
+        by many orders of magnitude may ask for steps of any length; of a motion so long that less
+        than half of the digits of an angle are left, no balance can be told.
+        """
+        any_length = float(jnp.finfo(dtype).eps) ** -0.5
+        rows = [(True, _FAR, False), (True, _FAR, True), (False, any_length, False)]
+        strides, most, drives = (jnp.array(column) for column in zip(*rows, strict=True))
+        return cls(strides, most.astype(dtype), drives)
+
+
 def equilibrium(
     system: AbstractSystem, q0: Vector | None = None, *, t: ArrayLike = 0.0
 ) -> Float[Array, " n"]:
@@ -54,7 +78,8 @@ def equilibrium(
     Newton's method in (q, λ) with continuation: forces that balance the start are taken away step
     by step, so that the solution follows from the start, and steps are shorter where Newton's
     method does not converge, or moves bodies by more than half of the mechanism's length or half a
-    radian; steps of any length are the last resort. What forces push and nothing resists yet, as a
+    radian. Drives that are further from their start than that go there with the load; steps of any
+    length are the last resort. What forces push and nothing resists yet, as a
     contact that just touches, moves along them. States of effects are found with it, and are in
     their places in q, so that `linearize` and `simulate` begin there with them. Neutral motions,
     which no force resists, stay as they are at the start, as do lengths of quaternions; joints may
@@ -77,7 +102,7 @@ def equilibrium(
     check_shape("equilibrium", "q0", q, (system.n,))
     check_finite("equilibrium", "q0", q)
     refuse_clocks("equilibrium", system)
-    time = jnp.asarray(t, q.dtype)
+    time = as_time("equilibrium", t, q.dtype)
     system = standing(system, time)
     reached = _solve(*detached(system, time, q))
     load = concrete(reached.load)
@@ -120,12 +145,16 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
     multipliers = _balancing(given, rows, sizes)
     # That the start needs to be in balance.
     needed = given + multiply(rows.T, multipliers)
-    forces = jnp.concatenate([needed, jnp.zeros_like(multipliers)])
+    closed = statics.constraint(q0)
     terms = jnp.stack([needed, given])
     largest = jnp.max(jnp.abs(terms) * sizes[None], initial=0.0)
     zero, one = jnp.zeros_like(t), jnp.ones_like(t)
 
-    def newton(q: Array, multipliers: Array, load: Array, far: Array) -> tuple[Array, Array, Array]:
+    def newton(
+        q: Array, multipliers: Array, load: Array, how: _Manner
+    ) -> tuple[Array, Array, Array]:
+        forces = jnp.concatenate([needed, jnp.where(how.drives, closed, 0)])
+
         # The matrix at the last point only tells what rounding leaves. It is that of one step more,
         # whose result nobody takes, so that the program contains it once.
         def step(x: tuple[Array, Array, Array, Array, Array], _: None) -> tuple[Any, None]:
@@ -135,17 +164,17 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
             change = linear.solve(unbalanced)
             balanced = linear.balances(unbalanced, *at, largest)
             free = jnp.where(balanced, 0, linear.unresisted(unbalanced, change, forces))
-            change = jnp.where(far < jnp.inf, _strode(system, change, free, sizes), change)
+            change = jnp.where(how.strides, _strode(system, change, free, sizes), change)
             return (at[0] - change[:n], at[1] - change[n:], *at, balanced), None
 
         begin = q, multipliers, q, multipliers, jnp.zeros((), bool)
         return jax.lax.scan(step, begin, None, length=_STEPS + 1)[0][2:]
 
-    def advance(now: _Reached, most: Array) -> _Reached:
+    def advance(now: _Reached, how: _Manner) -> _Reached:
         load = jnp.minimum(now.load + now.step, 1.0)
-        q, multipliers, balanced = newton(now.q, now.multipliers, load, most)
+        q, multipliers, balanced = newton(now.q, now.multipliers, load, how)
         far = _moved(system, q - now.q, sizes)
-        good = balanced & (far <= most)
+        good = balanced & (far <= how.most)
         return _Reached(
             jnp.where(good, q, now.q),
             jnp.where(good, multipliers, now.multipliers),
@@ -160,16 +189,13 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
         going: Array = (now.load < 1) & (now.step > _LEAST) & (now.count < _LOADS)
         return going
 
-    # A start off its constraints is put on them by the first steps.
     begin = _Reached(q0, multipliers, zero, one, jnp.zeros((), int))
 
-    # Where short steps do not get there, as of shapes whose stiffness differs by many orders of
-    # magnitude, steps of any length may.
-    def follow(now: _Reached, most: Array) -> tuple[_Reached, None]:
+    def follow(now: _Reached, how: _Manner) -> tuple[_Reached, None]:
         now = jax.tree.map(lambda x, y: jnp.where(now.load < 1, x, y), begin, now)
-        return jax.lax.while_loop(unfinished, lambda now: advance(now, most), now), None
+        return jax.lax.while_loop(unfinished, lambda now: advance(now, how), now), None
 
-    end: _Reached = jax.lax.scan(follow, begin, jnp.array([_FAR, jnp.inf], q0.dtype))[0]
+    end: _Reached = jax.lax.scan(follow, begin, _Manner.each(q0.dtype))[0]
     return end
 
 

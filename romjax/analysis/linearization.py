@@ -14,7 +14,7 @@ from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.locate import locate
 from ..assembly.standing import standing
 from ..common.arrays import Vector, as_array
-from ..common.checks import check_kind, check_shape
+from ..common.checks import as_time, check_finite, check_kind, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program_once
 from ..measure.quantity import AbstractQuantity, Coordinate
@@ -93,18 +93,20 @@ def linearize(
     check_system("linearize", system)
     refuse_clocks("linearize", system)
     q = system.q0 if at is None else as_array(at)
-    if v is None:
-        system = standing(system, t)
-    velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "at", q, (system.n,))
+    check_finite("linearize", "at", q)
+    time = as_time("linearize", t, q.dtype)
+    if v is None:
+        system = standing(system, time)
+    velocity = system.structure.at_rest(q) if v is None else as_array(v)
     check_shape("linearize", "v", velocity, (system.n,))
+    check_finite("linearize", "v", velocity)
     refuse_slips("linearize", system, v is not None)
-    time = jnp.asarray(t, q.dtype)
     named = outputs if isinstance(outputs, Mapping) else {label: label for label in outputs}
     kinds, remedy = (AbstractMarkerEffect, Callable), "an effect or a function of t, q, v"
     for name, what in inputs.items():
         check_kind("linearize", f"input {name!r}", what, kinds, remedy)
-    independent = independent_constraints("linearize", system, time, q)
+    independent = independent_constraints("linearize", system, time, q, velocity)
     a, b, c, d, shapes = _matrices(
         system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())
     )

@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.standing import standing
 from ..common.arrays import Vector, as_array, concrete
-from ..common.checks import check_shape
+from ..common.checks import as_time, check_finite, check_shape
 from ..common.compat import is_outermost
 from ..common.errors import InputError
 from ..common.extras import data_frame
@@ -83,8 +83,8 @@ def modes(
       forces and centrifugal stiffening.
 
     Warns where the state is not in balance and the frequencies depend on it, unless `v` is given.
-    Raises InputError for a wrong shape, for effects with first-order states, or for `turning` of a
-    system without bodies.
+    Raises InputError for a wrong shape, a state that the constraints contradict, effects with
+    first-order states, or for `turning` of a system without bodies.
     """
     check_system("modes", system)
     remedy = "have no frequency; take the eigenvalues of romjax.linearize(system, {}, {}).A"
@@ -92,19 +92,22 @@ def modes(
     refuse_states("modes", system, InputError, remedy)
     q = system.q0 if at is None else as_array(at)
     check_shape("modes", "at", q, (system.n,))
+    check_finite("modes", "at", q)
+    time = as_time("modes", t, q.dtype)
     generator = None
     if not (isinstance(turning, int | float) and turning == 0.0):
         if v is not None:
             raise InputError("modes: v and turning are given; turning implies the velocity.")
-        generator, v = turn("modes", system, turning, t, q)
+        generator, v = turn("modes", system, turning, time, q)
     if v is None:
-        system = standing(system, t)
+        system = standing(system, time)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)
     check_shape("modes", "v", velocity, (system.n,))
+    check_finite("modes", "v", velocity)
     known = concrete(velocity)
     refuse_slips("modes", system, v is not None and (known is None or bool(np.any(known))))
-    time = jnp.asarray(t, q.dtype)
-    independent = independent_constraints("modes", system, time, q)
+    seen = None if generator is not None else velocity
+    independent = independent_constraints("modes", system, time, q, seen)
     result, imbalance = _modes(system, time, q, velocity, independent, generator)
     warn_of_linear_bodies("modes", system, time, q, velocity)
     if v is None and is_outermost() and is_needed(imbalance):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from ..assembly.assembled import controllers_of
 from ..common.arrays import Time, concrete
@@ -17,7 +17,11 @@ from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate
 from ..system.dynamics import linearize as derivatives_of_acceleration
+from ..system.start import Start
 
+# A state contradicts the constraints that it violates by more than this share of the mechanism's
+# size, of which loose tolerances leave less.
+_CONTRADICTS = 1e-3
 # Singular values of C_q, with rows of unit length in the metric of M⁻¹, below this are zero.
 _ZERO = 1e-8
 
@@ -78,17 +82,24 @@ def refuse_clocks(owner: str, system: AbstractSystem) -> None:
 
 
 def independent_constraints(
-    owner: str, system: AbstractSystem, t: ArrayLike, q: Float[Array, " n"]
+    owner: str,
+    system: AbstractSystem,
+    t: Float[Array, ""],
+    q: Float[Array, " n"],
+    v: Float[Array, " n"] | None,
 ) -> int:
     """How many constraints do not repeat others, without the lengths of quaternions.
 
     While JAX traces, it is unknown and all count. Raises InputError, beginning with `owner`, if
-    these leave no freedom.
+    these leave no freedom, or if the state contradicts them. `v`: None in a turning frame, with
+    which the ground turns, too.
     """
     if system.m == 0:
         return 0
-    values = concrete(_singular_values(system, jnp.asarray(t, q.dtype), q))
+    found, state = _constraints(system, t, q, jnp.zeros_like(q) if v is None else v)
+    values = concrete(found)
     if values is not None:
+        _check_state(owner, system, state, v is not None)
         return int(np.sum(values > _ZERO)) - len(system.structure.quaternions)
     if unit_length.freedoms(system) <= 0:
         raise InputError(
@@ -100,10 +111,34 @@ def independent_constraints(
 
 
 @program_once
-def _singular_values(
-    system: AbstractSystem, t: Float[Array | np.ndarray, ""], q: Float[Array, " n"]
-) -> Float[Array, " least"]:
-    return jnp.linalg.svd(_scaled_rows(system, jnp.asarray(t), q)[0], compute_uv=False)
+def _constraints(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
+) -> tuple[Float[Array, " least"], Start]:
+    """The singular values of the constraints, and what they are at a state."""
+    values = jnp.linalg.svd(_scaled_rows(system, t, q)[0], compute_uv=False)
+    return values, Start.of(system, t, q, v, _CONTRADICTS)
+
+
+def _check_state(owner: str, system: AbstractSystem, state: Start, rates: bool) -> None:
+    """Raise InputError, beginning with `owner`, for a state that the constraints contradict; by its
+    velocity, too, where `rates` count.
+    """
+    row, fastest = state.worst()
+    names = system.structure.constraints
+    if not state.closed:
+        raise InputError(
+            f"{owner}: {names[row]} is violated by {float(state.violation[row]):.3g} in the state "
+            "that is asked about; take an equilibrium, romjax.equilibrium(system, t=t), or a state "
+            "of romjax.consistent(system, q, v, t).",
+            part=names[row],
+        )
+    if rates and not state.fits:
+        raise InputError(
+            f"{owner}: {names[fastest]} is violated at the rate {float(state.rate[fastest]):.3g} "
+            "/s by the velocity that is asked about; leave v out for a mechanism at rest whose "
+            "drives stand, or take one of romjax.consistent(system, q, v, t).",
+            part=names[fastest],
+        )
 
 
 def tangent_of(

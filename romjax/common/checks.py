@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .arrays import concrete
+from .arrays import as_array, concrete
 from .errors import InputError
 from .identity_cache import IdentityCache
 
@@ -100,6 +100,19 @@ def _describe(shape: tuple[int | None, ...]) -> str:
         return "be a single number"
     lengths = ("any" if length is None else str(length) for length in shape)
     return f"have shape ({', '.join(lengths)})"
+
+
+def as_time(owner: str, t: Any, dtype: Any) -> jax.Array:
+    """A time `t` [s] as an array; raise InputError, beginning with `owner`, unless it is one finite
+    number.
+    """
+    try:
+        time = as_array(t)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{owner}: t is {t!r}; give a time in seconds.", field="t") from error
+    check_shape(owner, "t", time, ())
+    check_finite(owner, "t", time)
+    return time.astype(dtype)
 
 
 _finite = IdentityCache()  # of arrays of JAX, which never change

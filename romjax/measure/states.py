@@ -12,7 +12,7 @@ from ..assembly.locate import assembled
 from ..assembly.standing import standing
 from ..common import compat
 from ..common.arrays import Vector, as_array
-from ..common.checks import check_finite, check_shape
+from ..common.checks import as_time, check_finite, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program
 from ..integrate.origin import check_origin
@@ -101,11 +101,9 @@ def run_or_rest(
         ) from error
     check_shape(owner, "q", q, (system.n,))
     check_finite(owner, "q", q)
-    time = as_array(0.0 if t is None else t)
-    check_shape(owner, "t", time, ())
-    check_finite(owner, "t", time)
+    time = as_time(owner, 0.0 if t is None else t, q.dtype)
     still = standing(system, time)
-    return still, Rest(*_at_rest(without_names(still), time.astype(q.dtype), q))
+    return still, Rest(*_at_rest(without_names(still), time, q))
 
 
 @program

@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..common import precision
 from ..common.arrays import Vector, as_array, concrete
-from ..common.checks import check_shape
+from ..common.checks import as_time, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program_once
 from ..linalg.kkt import KKT
@@ -40,7 +40,7 @@ def consistent(
     """
     check_system("consistent", system)
     q, v = check_start_shapes(system, q0, v0)
-    time = jnp.asarray(t, q.dtype)
+    time = as_time("consistent", t, q.dtype)
     if system.m == 0:
         return q, v
     q, v, start = _project_start(system, q, v, time)
