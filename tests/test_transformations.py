@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from comparison import assert_close
+from costs import spent
 from programs import kept
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 from zoo import RODAS5P, TIGHT, oscillator, run, system, unit_mass
@@ -170,9 +171,15 @@ def test_a_parameter_closed_over_in_lanes_of_which_two_are_bad():
     ids=["Tsit5", "Rodas5P", "Kvaerno5"],
 )
 def test_any_solver(solver):
-    """Explicit and implicit methods of diffrax and romjax's own agree with the exact solution."""
-    ts = np.linspace(0.0, 1.0, 5)
-    motion = run(oscillator((2.0, 5.0)), ts, solver=solver, rtol=TIGHT / 10)
+    """Explicit and implicit methods of diffrax and romjax's own agree with the exact solution;
+    other numbers of outputs are the same program.
+    """
+    ts, two = np.linspace(0.0, 1.0, 5), oscillator((2.0, 5.0))
+    motion = run(two, ts, solver=solver, rtol=TIGHT / 10)
+    programs, *_ = spent()
+    other = run(two, np.linspace(0.0, 1.0, 7), solver=solver, rtol=TIGHT / 10)
+    assert spent()[0] == programs
+    assert_close(other.q[-1], motion.q[-1], SOLVED)
     omega = np.array([2.0, 5.0])
     assert_close(motion.q, np.cos(omega * ts[:, None]), SOLVED)
     assert_close(motion.v, -omega * np.sin(omega * ts[:, None]), SOLVED, scale=omega)

@@ -50,7 +50,8 @@ def is_resolved(
     """
     structure = system.full.structure
     motion = _Motion.of(structure, extent)
-    # The root finders of implicit methods ask for tolerances in metres, whatever size motions have.
+    # The root finders of implicit methods ask for tolerances in metres, whatever size motions have:
+    # at those of rounding a double pendulum takes 1.2 times the steps, in 1.3 times the time.
     follow = settings.follow & (not has_root_finder(settings.solver))
     numbers = settings.rtol, settings.atol, follow
     tolerances = Tolerances.of(structure.is_position, *numbers, structure.is_state)

@@ -16,7 +16,6 @@ from ..system.base import AbstractSystem
 from ..system.consistent import project_start
 from ..system.stabilization import Baumgarte, Projection, Stabilization
 from ..system.start import Start
-from .adjoint import has_root_finder
 from .default import default_stabilization
 from .dense import DenseOutput
 from .derived import EagerQuantities, LazyQuantities, metric_of, multipliers_along
@@ -57,20 +56,15 @@ def _run(
     settings: Settings,
 ) -> tuple[Integrated, Judgement, EagerQuantities | LazyQuantities]:
     """The run, by a program of its own that others share, or as a part of the user's."""
-    # Within a transformation of JAX the run is a part of the user's program.
-    traced = not compat.is_outermost()
-    settings = settings.limited(traced)
-    # Within a transformation bases are of a given rank, and lanes would need much room.
-    states = _STATES if system.full is system else 0
-    if not traced:
-        steps = np.asarray(settings.max_steps)
-        settings = settings._replace(max_steps=steps, forward=False, states=states)
-    # A root finder contains functions, which are no part of a stored program.
-    if traced or has_root_finder(settings.solver):
-        run, judgement, derived = _differentiable(bare, ts, q0, v0, settings)
-        if not traced:
-            derived = derived._replace(parts=Partitioned.of(system))
+    # Within a transformation of JAX the run is a part of the user's program: bases are of a given
+    # rank there, and lanes would need much room, so that no states between the outputs are kept.
+    if not compat.is_outermost():
+        run, judgement, derived = _differentiable(bare, ts, q0, v0, settings.limited(traced=True))
         return run, judgement, derived
+    settings = settings.limited(traced=False)
+    states = _STATES if system.full is system else 0
+    steps = np.asarray(settings.max_steps)
+    settings = settings._replace(max_steps=steps, forward=False, states=states)
     count = len(ts)
     # Rows for the next power of two, so that other numbers of outputs need no other program.
     size = capacity(count, 2 * bare.full.n, q0.dtype)

@@ -28,10 +28,12 @@ class Inertia(eqx.Module):
     - `moment`: ∫ρ X·X [kg m²]; None where only first moments are asked for.
     - `modal`: ∫ρ SᵀS; the identity unless given.
     - `first_moment`: ∫ρ X [kg m], zero if the frame sits in the centre of mass.
-    - `shift`: ∫ρ S (2, modes), and `swing`: ∫ρ (ĨX)ᵀS (modes): zero if the modes are orthogonal
-      to rigid motion.
-    - `stretch`: ∫ρ XᵀS (modes).
-    - `gyration`: ∫ρ Sᵀ ĨS (modes, modes), antisymmetric; zero if all points move along one line.
+    - `shift`: ∫ρ S (2, modes), the momentum of the modes (translational participation factors), and
+      `swing`: ∫ρ (ĨX)ᵀS (modes), their angular momentum (rotational participation factors): zero if
+      the modes are orthogonal to rigid motion.
+    - `stretch`: ∫ρ XᵀS (modes), half the change of the moment of inertia with the modes.
+    - `gyration`: ∫ρ Sᵀ ĨS (modes, modes), the gyroscopic coupling of the modes, antisymmetric; zero
+      if all points move along one line.
     - `foreshortening`: ∫ρ G (2, modes, modes), and `spin`: ∫ρ X·G (modes, modes), of a displacement
       −½ q_fᵀ G q_f of second order.
     """

@@ -36,11 +36,13 @@ class SpatialInertia(eqx.Module):
     - `modal`: M_ff = ∫ρ SᵀS; the identity unless given.
     - `first_moment`: c of the undeformed body, ∫ρ X (3,) [kg m], zero if the frame sits in the
       centre of mass.
-    - `shift`: ∫ρ S (3, modes), and `swing`: ∫ρ X × S (3, modes), H of the undeformed body: zero if
-      the modes are orthogonal to rigid motion.
-    - `stretch`: ∂J/∂q_f of the undeformed body (3, 3, modes).
-    - `spread`: J's quadratic part q_fᵀ K q_f (3, 3, modes, modes).
-    - `gyration`: ∂H/∂q_f, ∫ρ S_k × S_l (3, modes, modes), the index of q_f first.
+    - `shift`: ∫ρ S (3, modes), the momentum of the modes (translational participation factors), and
+      `swing`: ∫ρ X × S (3, modes), H of the undeformed body, their angular momentum (rotational
+      participation factors): zero if the modes are orthogonal to rigid motion.
+    - `stretch`: ∂J/∂q_f of the undeformed body (3, 3, modes), the first-order change of inertia.
+    - `spread`: K of its second-order change q_fᵀ K q_f (3, 3, modes, modes).
+    - `gyration`: ∂H/∂q_f, ∫ρ S_k × S_l (3, modes, modes), the index of q_f first: the gyroscopic
+      coupling of the modes.
     - `foreshortening`: ∫ρ G (3, modes, modes), of the displacement of second order; its other
       terms are parts of `spread` and `gyration`.
     """
