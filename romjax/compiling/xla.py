@@ -65,10 +65,10 @@ def tell_of_jit() -> None:
     _told.append(True)
     warnings.warn(
         "simulate: this run is part of a function that jax.jit or another transformation of JAX "
-        "compiles without the options for small mechanisms, so that it takes at least twice as "
-        "long on a CPU: compile it by romjax.jit instead, around all transformations; or, where "
-        "the call of jax.jit is not yours, call romjax.speed_up_xla() right after importing "
-        "romjax.",
+        "compiles without the options for small mechanisms, so that it takes longer on a CPU, "
+        "with some versions of JAX several times as long: compile it by romjax.jit instead, around "
+        "all transformations; or, where the call of jax.jit is not yours, call "
+        "romjax.speed_up_xla() right after importing romjax.",
         stacklevel=3,
     )
 
@@ -199,8 +199,8 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
     For functions of your own with runs in them, and for their batches and derivatives: loops and
     calls become functions, where JAX starts a kernel for each operation, so that one run and its
     derivative take a fraction of the time that they take in `jax.jit` (`benchmarks/gradients.txt`);
-    `rj.jit(jax.vmap(run))` makes more than twice as many runs per second as
-    `jax.jit(jax.vmap(run))` (`benchmarks/batches.txt`). What works on complex numbers, keys of
+    `rj.jit(jax.vmap(run))` makes more runs per second than `jax.jit(jax.vmap(run))`; how many more
+    depends on the version of JAX (`benchmarks/batches.txt`). What works on complex numbers, keys of
     random numbers or large arrays stays as it is, and so do all programs where there are several
     devices, or JAX 0.11 or later. A simulation outside of a function of your own needs none of it.
 
@@ -230,7 +230,7 @@ def filter_jit(function: Callable[..., Any]) -> Any:
 
 
 def speed_up_xla() -> None:
-    """Make simulations in programs that others compile twice as fast on a CPU.
+    """Make simulations faster on a CPU in programs that others compile.
 
     For runs inside of a `jax.jit` that is not yours, such as that of a sampler: your own are faster
     by `jit`, and a simulation outside of both is anyway.
