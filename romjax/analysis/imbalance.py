@@ -15,9 +15,9 @@ from .tangent import Tangent
 # How far frequencies are looked at from the state, in radians and in lengths of the mechanism, and
 # what counts as no step at all.
 _STEP, _NONE = 0.05, 1e-6
-# By which share of their squares frequencies may change in that step: a pendulum that hangs askew
-# by 0.25 rad, whose frequency is 1.6 % off. Squares count as no less than this share of
-# accelerations by lengths, which are those of free motions.
+# Squares of frequencies may change by this share in that step: a pendulum that hangs askew by 0.25
+# rad has a frequency that is 1.6 % off. Squares count as no less than this share of accelerations
+# by lengths, which are those of free motions.
 _CHANGED, _FREE = 0.01, 0.01
 
 

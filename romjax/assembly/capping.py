@@ -78,7 +78,7 @@ def _following_rates(system: AssembledSystem) -> Float[Array, " n"]:
         slopes = linearize(system, zero, q, moved)
         of_time = slopes.by_time + slopes.by_position @ moved
         jerk = (of_time + slopes.by_velocity @ slopes.acceleration)[own]
-        # Its derivative by v without those of a_q and a_v, which are forces of inertia.
+        # Its derivative by v leaves out those of a_q and a_v, which are forces of inertia.
         by_rates = slopes.by_position + slopes.by_velocity @ slopes.by_velocity
         # Nothing pushes the modes below the cap.
         unit = jnp.eye(len(own), dtype=q.dtype)

@@ -141,7 +141,7 @@ def _evaluate(
     high = jnp.max(jnp.where(finite, everything, -jnp.inf), axis=0)
     size = SIGN * jnp.sqrt(jnp.sum((high - low) ** 2))
     size = jnp.where((size > 0) & jnp.isfinite(size), size, SIGN)
-    # Not to hide bodies that are many and small.
+    # A large sign would hide bodies that are many and small.
     size = jnp.where(largest > 0, jnp.minimum(size, largest / 2), size)
 
     def frame(t: Array, poses: Pose) -> list[Outlines]:

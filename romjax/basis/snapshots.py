@@ -199,7 +199,7 @@ class SnapshotSet(eqx.Module):
         return dataclasses.replace(self, q=q, v=v, changes=changes)
 
 
-# By the weights of a set, which it keeps in other coordinates.
+# Motions are looked up by the weights of a set, which it keeps in other coordinates.
 _motions = IdentityCache()
 
 # One motion of a mechanism or several, with sensitivities or not, or the snapshots of them.

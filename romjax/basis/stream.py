@@ -74,7 +74,7 @@ class PodStream(eqx.Module):
 
     def add(self, t: Any, q: Any, v: Any) -> "PodStream":
         """Return the stream with the snapshots `q`, `v` (h, n) at the times `t` (h,) appended."""
-        # By NumPy, which compiles nothing for blocks of another length.
+        # NumPy compiles nothing for blocks of another length.
         t, q = np.asarray(t, self.factor.dtype), np.asarray(q, self.factor.dtype)
         for name, x in (("q", q), ("v", v)):
             check_shape("PodStream.add", name, x, (len(t), len(self.offset)))

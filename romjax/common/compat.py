@@ -156,7 +156,7 @@ def _without_messages() -> Iterator[None]:
     try:
         yield
     finally:
-        # As before: by JAX's own setting, or the variable that XLA reads when it begins.
+        # The level before is JAX's own setting, or the variable that XLA reads when it begins.
         given = os.environ.get("TF_CPP_MIN_LOG_LEVEL", "")
         level = int(given) if given.isdecimal() else levels["INFO"]
         utils.absl_set_min_log_level(levels.get(jax.config.values["jax_logging_level"], level))

@@ -115,7 +115,7 @@ def as_functions(closed: Any, rule: Rule, repeated: bool = False) -> Any:
         return _one_function(closed, live)
     asked, split = jaxprs.variables(jaxpr.outvars), list[Any]()
     left = _groups(jaxpr.eqns, rule)
-    # From the last one, so that it is known what is asked for after each.
+    # The last group comes first, so that it is known what is asked for after each.
     while left:
         group = left.pop()
         call = None
@@ -215,7 +215,7 @@ def _as_if_it_used(result: Any, arrays: Sequence[Any]) -> Any:
 
     XLA ends the process at a function that does not use one of its arguments.
     """
-    # By primitives: an index of NumPy's way is several operations, for each argument.
+    # Primitives are used since an index of NumPy's way is several operations, for each argument.
     first = [_first(x).reshape(()) for x in arrays if x.size]
     numbers = [x for x in first if jnp.issubdtype(x.dtype, jnp.floating)]
     others = [x.astype(jnp.float32) for x in first if not jnp.issubdtype(x.dtype, jnp.floating)]

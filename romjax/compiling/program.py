@@ -57,7 +57,7 @@ class Program:
         if not compat.is_outermost():
             return self._inside(*args)
         if jax.config.jax_disable_jit:  # type: ignore[attr-defined]
-            # To look at numbers on the way, operation by operation.
+            # This lets one look at numbers on the way, operation by operation.
             return self._function(*args)
         compiled, arrays = self._of(args)
         return compiled(*arrays)
@@ -147,7 +147,7 @@ def _without_collecting(function: F) -> F:
 @_without_collecting
 def _lower(function: Callable[..., Any], forms: Sequence[Any], options: dict[str, Any]) -> Any:
     structs = [jax.ShapeDtypeStruct(shape, dtype, sharding=at) for shape, dtype, at in forms]
-    # With all arguments, so that the text says which of them are used.
+    # All arguments are kept, so that the text says which of them are used.
     with xla.tracing_with_options():
         return jax.jit(function, keep_unused=True, compiler_options=options).lower(*structs)
 

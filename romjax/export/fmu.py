@@ -30,7 +30,7 @@ from .leaving import TIMES, Model, frequencies_of, model_of
 from .library import compiled
 from .loops import check_runs, coefficients, internal, judges_states, text_of
 
-# As the standard names platforms.
+# The standard has these names of platforms.
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
 _ENDS = {"linux": ".so", "darwin": ".dylib", "windows": ".dll"}
 

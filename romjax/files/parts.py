@@ -82,7 +82,7 @@ def makers(base: type) -> dict[str, Maker]:
 @functools.lru_cache
 def _makers(parts: tuple[type, ...]) -> dict[str, Maker]:
     makers: dict[str, Maker] = {}
-    # Those of romjax first, whose names are theirs.
+    # Parts of romjax come first, whose names are theirs.
     for part in sorted(parts, key=_own, reverse=True):
         if inspect.isabstract(part) or part.__name__.startswith(("_", "Abstract")):
             continue

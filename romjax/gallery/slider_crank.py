@@ -110,7 +110,7 @@ def _rod(
     place = np.append([0.0, 1.0], np.linspace(0.0, 1.0, 21))
     shapes = np.zeros((len(place), 3, 4))
     for k in (1, 2):
-        # By the mathematics of Python, which has the same digits on every machine.
+        # The mathematics of Python has the same digits on every machine.
         shapes[:, 1, k - 1] = [math.sin(k * math.pi * x) for x in place]
         shapes[:, 2, k - 1] = [k * math.pi / length * math.cos(k * math.pi * x) for x in place]
     shapes[:, 0, 2:] = np.stack([4 * place * (1 - place), place * (2 * place - 1)], axis=1)

@@ -157,7 +157,7 @@ def default_method(
         if known * step > _RESOLVED:
             return Method(implicit, "a step does not resolve the fastest frequency")
         return Method(explicit, "a step resolves the fastest frequency")
-    # From here on Python's numbers, which take a tenth of the time of NumPy's.
+    # Python's numbers take a tenth of the time of NumPy's.
     acting = float(np.asarray(start.acting))
     if acting == np.inf:
         return Method(implicit, "contacts may begin that stick by friction")
@@ -219,7 +219,7 @@ def warn_of_fast_stabilization(
     numbers = (baumgarte.alpha, baumgarte.beta, trajectory.stats.num_accepted_steps)
     if any(concrete(x) is None for x in (*numbers, trajectory.t, q0, system.q0)):
         return
-    # By NumPy: each operation of JAX on its own would take as long as a short run.
+    # NumPy is used since each operation of JAX on its own would take as long as a short run.
     alpha, beta, steps = (np.asarray(x, float) for x in numbers)
     times = np.asarray(trajectory.t)
     # |s| of s² + α s + β = 0

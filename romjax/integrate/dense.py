@@ -110,7 +110,7 @@ def _evaluated(
     output = output_of(system, projection)
 
     def at(t: Array) -> Output:
-        # At the end of a step, its own state: that before an impact.
+        # The end of a step has the state of that step: the one before an impact.
         i = jnp.searchsorted(interpolations.ends, t)
         within = jax.tree.map(lambda x: x[i], interpolations.between)
         return output(t, within.evaluate(t))

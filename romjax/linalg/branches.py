@@ -51,7 +51,7 @@ class Forest:
         links = np.abs(matrix) > _ZERO * np.max(np.abs(matrix), initial=0)
         ends = [np.flatnonzero(row) for row in links]
         rows, parents = np.full(size, size), np.full(size + 1, size)
-        # From the unknowns that have a row of their own, outwards.
+        # The search goes outwards from the unknowns that have a row of their own.
         reached = [(i, int(own[0]), size) for i, own in enumerate(ends) if len(own) == 1]
         while reached:
             row, unknown, parent = reached.pop()

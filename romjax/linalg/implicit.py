@@ -18,7 +18,7 @@ from .ordering import Edge
 from .pattern import Pattern
 from .supernodes import supernodes
 
-# At most, as those of `KKT`.
+# Refinement takes so many sweeps at most, as that of `KKT`.
 _SWEEPS = 20
 
 Blocks = Float[Array, "_ _ _"]

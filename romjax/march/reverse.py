@@ -64,8 +64,8 @@ Outcome = tuple[Progress, dict[str, Any]]
 
 def differentiable_run(march: March, start: Progress, most: int) -> Outcome:
     """`March.run` of at most `most` steps, differentiable in reverse mode."""
-    # At least the square root of the largest number of steps, so that the states between two
-    # checkpoints need no more room than these.
+    # There are at least as many as the square root of the largest number of steps, so that the
+    # states between two checkpoints need no more room than these.
     slots = _power_of_two(max(min(_CHECKPOINTS, most), math.sqrt(most)))
     longest = _power_of_two(most / slots)
     # The numbers that these functions close over, which may be the user's, become arguments, since

@@ -13,7 +13,7 @@ STROKES: tuple[tuple[float, ...], ...] = (
     (9, 3),
     (6.4, 1.6, 1, 1.6),
 )
-# From where space is seen at first: azimuth against the x axis, and elevation [rad].
+# The direction from which space is seen at first: azimuth against the x axis, and elevation [rad].
 View = tuple[float, float]
 VIEW: View = (-0.9, 0.42)
 # Widths of the reference, and of what is drawn over it [pt].

@@ -16,9 +16,9 @@ from .fields import Converted, check_numbers, number
 
 # Newton's steps to a foot, which double the digits: half of them at least while it is far away.
 _STEPS = 12
-# Those among them that derivatives pass through: k of them give derivatives of the order 2ᵏ − 1.
+# Derivatives pass through so many of them: k give derivatives of the order 2ᵏ − 1.
 _DIFFERENTIATED = 2
-# To each side of a point, over which the nearest point of a polynomial is sought.
+# The nearest point of a polynomial is sought over so many chords to each side of a point.
 _CHORDS = 24
 # A lower bound, a number and an upper bound.
 _Bracket = tuple[Array, Array, Array]

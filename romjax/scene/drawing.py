@@ -110,7 +110,7 @@ def arrow(tail: Float[Array, " d"], tip: Float[Array, " d"], size: Float[Array, 
     back = 0.9 * head / jnp.where(length > 0, length, 1.0)
     sides = np.eye(len(tail) - 1)
     barbs = np.concatenate([sides, -sides])
-    # From the tail to the tip, then to each barb and back.
+    # The path goes from the tail to the tip, then to each barb and back.
     shares, away = np.zeros((2, 1 + 2 * len(barbs))), np.zeros((1 + 2 * len(barbs), len(sides)))
     shares[0, 0], shares[1, 2::2], away[2::2] = 1.0, 1.0, 0.35 * barbs
     along = shares[0] + shares[1] * back

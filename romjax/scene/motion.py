@@ -34,7 +34,7 @@ _PLANAR = MOTIONS[:4]
 # The motion of a ball joint is the angle of the whole rotation, from 0 to π, in any direction,
 # which is none at zero. Only stops have it, which do not act there.
 TURN = "turn"
-# Those that are lengths; the others are angles.
+# Motions that are lengths; the others are angles.
 LENGTHS = ("travel", "distance")
 # The sine of the second of three angles up to which they are told apart, that of 87 degrees.
 _STEEP = 0.9986
@@ -62,7 +62,7 @@ def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
 
 def _turned(motion: str, r: Float[Array, "3 3"]) -> Float[Array, ""]:
     """An angle of the rotation R = X(θ₁) Y(θ₂), or X(θ₁) Y(θ₂) Z(θ₃) of three."""
-    # By those entries that do not mix the angles.
+    # These entries do not mix the angles.
     if motion == "1 of 2":
         return jnp.arctan2(r[2, 1], r[1, 1])
     if motion == "2 of 2":

@@ -35,7 +35,7 @@ class TurnCounter(AbstractOneCoordinate):
         return self.inertia
 
     def start(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
-        # By NumPy: zeros of JAX would be a program, which assembling waits for.
+        # Zeros of JAX would be a program, for which assembling waits.
         none = as_jax(np.zeros(1, self.inertia.dtype))
         return none, none
 

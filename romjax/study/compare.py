@@ -86,7 +86,7 @@ class Comparison(eqx.Module):
 _BALANCED = 0.01
 # A group of coordinates that moves by fewer tolerances than these has no motion to be relative to.
 _RESOLVED = 100.0
-# Not to hold motions that nobody else needs any more.
+# Motions that nobody else needs any more are not kept alive by it.
 _motions = IdentityCache()
 
 
@@ -176,7 +176,7 @@ def groups_with_members(
 def resolution(*runs: Trajectory) -> Float[Array | np.ndarray, ""]:
     """The motion, relative to that of all coordinates, which the tolerances of runs resolve."""
     given = [run.stats.rtol for run in runs if run.stats.rtol is not None]
-    # By NumPy unless JAX traces, since an operation of its own would be compiled.
+    # NumPy is used unless JAX traces, since an operation of its own would be compiled.
     xp: Any = jnp if any(is_traced(rtol) for rtol in given) else np
     largest = functools.reduce(xp.maximum, given, 0.0)
     return as_number(_RESOLVED * largest, runs[0].q.dtype)

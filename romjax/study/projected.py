@@ -46,7 +46,7 @@ class Projected(AbstractFormulation):
         q, v, time = start(system, basis)
         stabilization, t = self.stabilization, basis.snapshots.t
         if stabilization is None and system.m:
-            # As `simulate` chooses it for the full system over the time of the snapshots.
+            # `simulate` chooses the same for the full system over the time of the snapshots.
             rigid = start_frequencies(system, time[None], q, v).rigid
             span = jnp.maximum(t[-1] - t[0], jnp.finfo(t.dtype).tiny)
             stabilization = Baumgarte.critical(jnp.maximum(rigid, 2 * jnp.pi / span))

@@ -106,7 +106,7 @@ class AbstractSystem(eqx.Module):
         validity: eqx.AbstractVar[AbstractValidity | None]  # where results hold; None: everywhere
 
     def __hash__(self) -> int:
-        # By identity, so that `jax.jit(system.force)` works; equinox would hash the arrays.
+        # The identity lets `jax.jit(system.force)` work; equinox would hash the arrays.
         return id(self)
 
     @property

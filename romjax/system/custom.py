@@ -62,7 +62,7 @@ class CustomSystem(AbstractSystem, AbstractConstrained):
         power: Function | None = None,
     ):
         self.q0, self.v0 = as_array(q0), as_array(v0)
-        # As pytrees, so that arrays inside modules are traced, not baked in.
+        # They are pytrees, so that arrays inside modules are traced, not baked in.
         self.mass_, self.force_, self.constraint_ = mass, force, constraint
         self.energy_, self.power_ = energy, power
         m = 0 if constraint is None else _length(constraint, self.q0)

@@ -41,8 +41,8 @@ class Training:
         self.finer: dict[int, tuple[Any, ...]] = {}
 
 
-# By the `error` of its validity, an array that a model keeps with other numbers and starts, also
-# where JAX traces these; whoever estimates that error replaces it.
+# Trainings are looked up by the `error` of a validity, an array that a model keeps with other
+# numbers and starts, also where JAX traces these; whoever estimates that error replaces it.
 _trainings = IdentityCache()
 
 

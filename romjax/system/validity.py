@@ -12,7 +12,7 @@ from ..compiling.program import program_once
 from .base import AbstractSystem, AbstractValidity, Run
 from .flags import Flag
 
-# By how much of its width a motion may leave the training box on each side. Directions much
+# A motion may leave the training box on each side by this share of its width. Directions much
 # narrower than the widest one are allowed a thousandth of that.
 _MARGIN, _NARROW = 0.1, 1e-3
 # How many times the training's violation is too much, and how many tolerances of the steps: of

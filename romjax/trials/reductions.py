@@ -150,7 +150,8 @@ def _untried(skipped: Mapping[str, str], costs: Sequence[float], budget: float) 
         return ""
     count = sum(not name.startswith("finer ") for name in left)
     which = {0: "finer ones were", 1: "one kind was"}.get(count, f"{count} kinds were")
-    # As if each cost as much as one so far, of which some may have come from the disk; in tens.
+    # Each is taken to cost as much as one so far, of which some may have come from the disk; in
+    # tens.
     enough = sum(costs) * (1 + len(left) / max(1, len(costs))) / _TRYING
     tens = math.ceil(max(enough, 2 * budget) / 10)
     return f"{which} not tried for lack of time; give a larger `--budget`, such as {10 * tens}"

@@ -30,7 +30,7 @@ UNITS = {
     "total": "J",
     "balance": "J",
 }
-# Those that are vectors by the inertial axes, in the plane and in space or in space alone.
+# Quantities that are vectors by the inertial axes, in the plane and in space or in space alone.
 VECTORS = {"position", "velocity", "acceleration", "force"}
 TURNING = {"angular_velocity", "angular_acceleration", "torque"}
 
@@ -57,7 +57,7 @@ def measured(name: str, value: Any, count: int) -> Iterator[Measured]:
         for key, part in value.items():
             yield from measured(f"{name}.{key}", part, count)
         return
-    # Not `hasattr`, which would evaluate the property.
+    # `hasattr` would evaluate the property.
     known = set(dir(type(value))) | set(getattr(value, "__dataclass_fields__", ()))
     parts = [part for part in UNITS if part in known]
     if "rotation" in parts:  # a point in space has no angle, and in the plane the angle says it

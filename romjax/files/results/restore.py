@@ -115,7 +115,7 @@ def solver_of(
         # Those without defaults are to be given.
         with contextlib.suppress(TypeError):
             given = kind()
-    # As `Trajectory.solver` is made.
+    # `Trajectory.solver` is made in the same way.
     if given is None or " ".join(repr(Partitioned.of(given).combine()).split()) != settings:
         raise InputError(
             f"load: the run was made by {settings}, "

@@ -25,7 +25,7 @@ from ...scene.placing import marker_start
 from ...scene.scene import Scene
 from .attributes import activated, attributes, box, limits, motion_of, words
 
-# By the joint of a body that has one, and the motion that it measures.
+# The kind of a joint in MJCF by the joint of a body, and the motions that it measures.
 _KINDS: dict[type, tuple[str, tuple[str, ...]]] = {
     Revolute: ("hinge", ("angle", "bounded angle")),
     Prismatic: ("slide", ("travel",)),

@@ -50,7 +50,7 @@ def _motor(more: str = "", ignored: str = "", refused: str = "") -> Words:
     )
 
 
-# By section and element; what is in bodies stands under "body", wherever they are.
+# Words are listed by section and element; what is in bodies stands under "body", wherever they are.
 MJCF: dict[str, Words] = {
     "mujoco": Words("model"),
     "compiler": _TAKEN,

@@ -150,7 +150,8 @@ def _drawn(
     box = framed(bounds(outlines))
     width, height = box[1] - box[0]
     tall = float(np.clip(6.5 * height / width, 2.6, 7.0))
-    # As slim as the mechanism, with room for the scale of colours; the title asks for the least.
+    # The figure is as slim as the mechanism, with room for the scale of colours; the title asks for
+    # the least.
     across = float(np.clip(tall * width / height + 1.5, 4.2, 8.0))
     figure = DisplayedFigure(figsize=(across, tall + 0.9))
     figure.set_layout_engine("constrained")

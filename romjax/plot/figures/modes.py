@@ -59,7 +59,7 @@ def modes(
     wide, height = frame[1] - frame[0]
     thick = width(2.2, scene.dimension)
 
-    # As many pictures side by side as suit their shape.
+    # There are as many pictures side by side as suit their shape.
     columns = min(r, 6 if height > 1.3 * wide else 4 if height > 0.5 * wide else 2)
     rows = -(-r // columns)
     across = 9.0

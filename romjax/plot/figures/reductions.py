@@ -32,7 +32,8 @@ def reductions(result: Reductions) -> DisplayedFigure:
     """
     check_kind("reductions", "the result", result, Reductions, "what romjax.reductions returns")
     figure, axes = blank()
-    # By hand: the limits of one point alone are equal for a moment, which matplotlib warns of.
+    # The limits are set here: those of one point alone are equal for a moment, of which matplotlib
+    # warns.
     times = [1e3 * row.time for row in (result.full, *result.rows)]
     axes.set_xlim(min(times) / _BESIDE, max(times) * _BESIDE)
     labels, drops = list[Label](), False

@@ -123,7 +123,7 @@ def _write_mp4(
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{fps:g}"]
     made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"]
     command = [encoder, "-y", "-loglevel", "error", *given, "-i", "-", *made, str(path)]
-    # Not by the writer of imageio-ffmpeg, whose fork is unsafe beside JAX.
+    # The writer of imageio-ffmpeg forks, which is unsafe beside JAX.
     process = subprocess.Popen(command, stdin=subprocess.PIPE)
     # It may end before it was given all, and says why.
     with contextlib.suppress(BrokenPipeError), process:

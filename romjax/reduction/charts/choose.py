@@ -31,7 +31,7 @@ _FOLLOWED = 2
 _SWEEPS = 10
 # A column of C_q that varies by less is constant.
 _CONSTANT = 1e-12
-# At so many configurations.
+# Changes of C_q are looked for at so many configurations.
 _VARIED = 3
 # A coordinate that moves by a smaller share of what moves most is held.
 _HELD = 1e-9
@@ -64,7 +64,7 @@ class Directions(NamedTuple):
         return np.inf if self.crossed else self.worst
 
 
-# By snapshots, since a basis and the models made with it ask for the same chart.
+# Charts are looked up by snapshots, since a basis and the models made with it ask for the same one.
 _chosen = IdentityCache()
 
 

@@ -167,7 +167,7 @@ def _lift(
         left_out = np.eye(system.n) - chart.independent @ chart.read
         others = as_jax(np.linalg.pinv(chart.dependent) @ left_out)
     lift = _lift_from(system, *guesses, basis.offset, chart, inner, metric, others)
-    # Its own arrays, which no transformation traces.
+    # The chart keeps its own arrays, which no transformation traces.
     return dataclasses.replace(lift, chart=chart)
 
 

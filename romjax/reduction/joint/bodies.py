@@ -181,7 +181,7 @@ def _quadratic(system: AssembledSystem, tree: Tree, state: Any, own: Inertias) -
     omega, moving = twists.split(state.motion.twists)
     groups = _groups(system, tree)
     if not tree.modes and all(known for *_, known in groups):
-        # By the inertial axes, as the inertias are already.
+        # Torques are taken by the inertial axes, as the inertias are already.
         torque, force = twists.about(omega, twists.apply(own.turning, omega)), None
         if own.arm is not None:
             force = twists.about(omega, twists.about(omega, own.arm))

@@ -43,7 +43,7 @@ class AtlasLift(AbstractLift):
 
     def number(self, q: Physical) -> Int[Array, ""]:
         """The chart of the nearest snapshot."""
-        # By NumPy where JAX does not trace, which compiles nothing.
+        # NumPy compiles nothing where JAX does not trace.
         seen, root, owners, q = untraced(self.seen, self.root, self.owners, q)
         xp = namespace(q)
         distances = xp.sum((seen - (root @ q)[None]) ** 2, axis=1)

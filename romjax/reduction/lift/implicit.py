@@ -81,7 +81,7 @@ class ImplicitLift(AbstractLift):
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
     def with_full(self, full: AbstractSystem) -> "ImplicitLift":
-        # With its own arrays of the chart, which no transformation traces.
+        # The chart keeps its own arrays, which no transformation traces.
         return dataclasses.replace(_of_another(self, full), chart=self.chart)
 
     def _solve(

@@ -22,7 +22,8 @@ from .interpolation import SIDE, evaluate, patches
 # The order in which the error of accelerations between the nodes falls. Where twice as many nodes
 # do not halve it, rounding is what is left.
 _ORDER = 6
-# By the number of freedoms; a table of two has eight times as many numbers for each node.
+# The most nodes by the number of freedoms: a table of two has eight times as many numbers for each
+# node.
 _MOST_NODES = {1: 2**14, 2: 2**12}
 # Largest violation of the constraints, as a share of the coordinates, that Newton's method leaves.
 CLOSED = 1e-9
@@ -91,8 +92,8 @@ def curvature_errors(
         q, slopes, bends = evaluate(coefficients, jnp.full(d, 0.5, dtype))
         rates = way / grid.steps
         v = multiply(rates, slopes)
-        # At unit speed in the kinetic energy, so that errors are accelerations at a speed that is
-        # the same everywhere.
+        # The speed is one in the kinetic energy, so that errors are accelerations at a speed that
+        # is the same everywhere.
         energy = multiply(v, multiply(frames.metric, v))
         a = jnp.einsum("i,j,ijn->n", rates, rates, bends)
         v, a = v / jnp.sqrt(energy), a / energy
@@ -133,7 +134,7 @@ def refined(
         doubled, tried = count >= 2 * tried > 0, count
         if doubled and error > last / 2:
             break
-        # As many more nodes as the order of the error asks for, and a tenth to spare.
+        # The order of the error tells how many more nodes are needed, and a tenth is added.
         more = min(2.0, 1.1 * (error / goal.tol) ** (1 / _ORDER))
         count = multiple * math.ceil(more * count / multiple)
     if best is not None and least <= goal.enough:

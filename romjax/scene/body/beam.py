@@ -192,7 +192,7 @@ class Beam(AbstractBody):
         return self._inertia().first_moment_at(q)
 
     def mode_shapes(self, point: Float[Array, "2"]) -> Float[Array, "3 modes"]:
-        # By NumPy where JAX does not trace, which compiles nothing where scenes are made.
+        # NumPy compiles nothing where scenes are made and JAX does not trace.
         at, mass, length = untraced(point, self.mass, self.length)
         xp = namespace(at)
         along = at[0 if self.axis == "x" else 1] / length + 0.5

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .free_modes import derivative, free_modes
 
 SHAPES = ("static", "free-free", "clamped-free", "pinned-free")
-# Those that are orthogonal to rigid motion.
+# Shapes that are orthogonal to rigid motion.
 FREE = SHAPES[:2]
 
 

@@ -71,7 +71,7 @@ class AbstractRod(AbstractBendingBody):
 
     def in_span(self: R, combinations: Float[Array, "modes k"]) -> R:
         leaves, structure = jax.tree.flatten(self)
-        # Not by the constructor, which makes shapes.
+        # The constructor would make shapes anew.
         copy: R = jax.tree.unflatten(structure, leaves)
         values = self.strains.in_span(combinations), *nearest(self, combinations)
         changed = dict(zip(("strains", "amplitudes", "rates"), values, strict=True))

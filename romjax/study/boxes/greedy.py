@@ -58,7 +58,7 @@ class Greedy:
         first = self.join(box.center)
         unseen = self.systems[candidates:]
         truths = simulate_all("reduce_over", unseen, first, sharing) if unseen else []
-        # By the numbers of their points; what joins the training is held out no more.
+        # Runs by the numbers of their points; what joins the training is held out no more.
         self.truths = dict(enumerate(truths, candidates))
         # These belong to the model that was looked at last, and to its motions.
         self.estimates, self.guesses, self.errors = np.zeros(0), np.zeros(0), np.zeros(0)
@@ -97,7 +97,7 @@ class Greedy:
     def worst(self, accepted: Accepted) -> int | None:
         """The number of the point that should join the training; None where all are good."""
         self.rank = accepted.candidate.basis.rank
-        # Those of held-out points too, which tell how good estimates are.
+        # Held-out points are estimated too, which tells how good estimates are.
         estimates, self.reached = _estimated(accepted, self.systems, self.times, self.tol)
         self.estimates, self.guesses = estimates[: self.candidates], estimates[list(self.truths)]
         self.errors = np.zeros(0)

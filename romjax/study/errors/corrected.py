@@ -135,7 +135,7 @@ def _finer_alike(rom: AbstractReducedSystem) -> list[Finer]:
     return finer
 
 
-# By the reduced model that they judge: another mechanism is assembled in 40 ms.
+# Judges are looked up by the reduced model: another mechanism is assembled in 40 ms.
 _alike = IdentityCache()
 
 

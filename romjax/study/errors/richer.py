@@ -156,6 +156,6 @@ def twice_capped(system: AbstractSystem) -> tuple[AbstractSystem, Float[Array, "
     faster, free = with_caps_times(scene, 2.0), with_caps_times(scene, _ENDLESS)
     if faster is None or free is None:
         return None
-    # From the same start, whose capped modes vibrate by as much as the uncapped ones do.
+    # It has the same start, whose capped modes vibrate by as much as the uncapped ones do.
     other = dataclasses.replace(assemble(faster), q0=system.q0, v0=system.v0)
     return other, metric_of(assemble(free))

@@ -81,7 +81,7 @@ def simulated(
     others are given.
     """
     tolerance = _tolerance(run) if rtol is None else rtol
-    # With its balance of energy where the run has one, so that energies of both can be compared.
+    # It has a balance of energy where the run has one, so that energies of both can be compared.
     audit = run.balance is not None
     return simulate(model, run.t, rtol=tolerance, solver=solver, throw=False, audit=audit)
 

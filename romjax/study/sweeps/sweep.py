@@ -137,7 +137,7 @@ def sweep(
     if chunk is not None and chunk < 1:
         raise ValueError(f"sweep: chunk={chunk}, but a chunk has at least one lane.")
     chunk = chunk or _chunk(devices, lanes)
-    # As many devices as divide a chunk into equal parts.
+    # The most devices that divide a chunk into equal parts are used.
     used = tuple(devices[: math.gcd(chunk, len(devices))])
     if path is None and jax.process_count() > 1:
         raise ValueError("sweep: several processes need a `path` to exchange their results.")

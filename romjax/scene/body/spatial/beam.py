@@ -201,7 +201,7 @@ class Beam(AbstractFlexibleBody):
         return jnp.concatenate([jnp.zeros_like(v[:7]), modal])
 
     def mode_shapes(self, point: Float[Array, "3"]) -> Float[Array, "6 modes"]:
-        # By NumPy where JAX does not trace, which compiles nothing where scenes are made.
+        # NumPy compiles nothing where scenes are made and JAX does not trace.
         at, *numbers = untraced(point, self.mass, self.length, self.inertia)
         xp = namespace(at)
         mass, length, inertia = numbers

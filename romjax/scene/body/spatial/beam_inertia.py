@@ -29,7 +29,7 @@ def beam_inertia(
     modes = sum(counts)
     if not modes:
         return SpatialInertia(mass, jnp.diag(moments))
-    # By NumPy: the integrals of polynomials are numbers of the scene, once and for all.
+    # NumPy will do: the integrals of polynomials are numbers of the scene, once and for all.
     nodes, weights = quadrature(max(counts))
     both = [motion(counts, xi, np) for xi in nodes]
     moved, turned = (np.stack(x) for x in zip(*both, strict=True))
