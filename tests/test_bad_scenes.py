@@ -12,7 +12,18 @@ def driven(**numbers):
     return rj.Actuator(bar().at(), rj.ground.at(), rj.Constant(1.0), **numbers)
 
 
+def swapped(kind, **numbers):
+    """A section before the length."""
+    section = rj.sections.Rectangle(0.01, 0.02)
+    return lambda: kind.of_section("link", section, 0.4, density=1.0, modulus=1.0, **numbers)
+
+
+SWAPPED = r"'link': section is of type float; give the length first, then one of romjax\.sections"
 PARTS = {
+    "section before the length of a beam": (swapped(rj.Beam, modes=2), SWAPPED),
+    "of a rod": (swapped(rj.Rod, modes=2), SWAPPED),
+    "of a beam in space": (swapped(spatial.Beam), SWAPPED),
+    "of a rod in space": (swapped(spatial.Rod, shear_modulus=1.0, modes=2), SWAPPED),
     "zero mass": (
         lambda: bar(mass=0.0),
         r"body 'bar': mass is 0\.0, but it must be positive.*weld it to a neighbour.*lump",

@@ -24,7 +24,7 @@ from .modes import (
     foreshortening,
     foreshortening_moments,
 )
-from .sections import AbstractSection
+from .sections import AbstractSection, check_section
 
 
 class Beam(AbstractBody):
@@ -127,6 +127,7 @@ class Beam(AbstractBody):
         - `name`, `modes` and `options`: as for every beam. Its inertia, ρ (A L³/12 + I L), counts
           the rotary inertia of the section in rigid motion.
         """
+        check_section(name, section)
         size, area, second_moment = as_array(length), section.area, section.second_moment
         return cls(
             name,

@@ -16,7 +16,7 @@ from .rod_base import AbstractRod
 from .rod_checks import check_what_shapes_need
 from .rod_inertia import first_moment, first_moment_slope, mass_matrix, velocity_force
 from .rod_kinematics import Line, Material, gradient, material, pose
-from .sections import AbstractSection
+from .sections import AbstractSection, check_section
 from .strain_modes import STATIC
 from .strains import Strains
 
@@ -145,6 +145,7 @@ class Rod(AbstractRod):
         - `name`, `modes` and `options`: as for every rod. It is inextensible and unshearable unless
           they have `EA` and `GA`.
         """
+        check_section(name, section)
         size, second_moment = as_array(length), section.second_moment
         return cls(
             name,

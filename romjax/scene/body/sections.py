@@ -2,6 +2,7 @@
 
 import abc
 import math
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...common.arrays import concrete
+from ...common.checks import check_kind
 from ...common.errors import SceneError
 from ..fields import Converted, check_numbers, number
 
@@ -53,6 +55,12 @@ class AbstractSection(eqx.Module):
     def hollow(self) -> tuple[Float[Array, ""], ...]:
         """Lengths that the walls leave free [m]; none in a solid section."""
         return ()
+
+
+def check_section(name: str, section: Any) -> None:
+    """Raise SceneError unless a body is given a section where it asks for one."""
+    remedy = "the length first, then one of romjax.sections or a section of your own"
+    check_kind(f"body '{name}'", "section", section, AbstractSection, remedy, SceneError)
 
 
 class Rectangle(AbstractSection):

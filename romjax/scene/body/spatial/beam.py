@@ -17,7 +17,7 @@ from ...orientation import orientation_field
 from ...points import NamedPoints, by_name
 from ..base import ORIGIN, check_name, check_start, undeflected
 from ..free_modes import free_modes
-from ..sections import AbstractSection
+from ..sections import AbstractSection, check_section
 from .beam_inertia import beam_inertia, rotations
 from .beam_modes import Counts, foreshortening, motion
 from .flexible import AbstractFlexibleBody
@@ -119,6 +119,7 @@ class Beam(AbstractFlexibleBody):
           torsion.
         - `name` and `options`: as for every beam. Its inertia is that of the prism.
         """
+        check_section(name, section)
         size, area = as_array(length), section.area
         about = jnp.stack([section.second_moment_y, section.second_moment])
         moments = jnp.stack([jnp.sum(about), *(area * size**2 / 12 + about)])

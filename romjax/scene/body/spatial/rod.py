@@ -13,7 +13,7 @@ from ...fields import number
 from ...orientation import orientation_field, quaternion_of
 from ...points import NamedPoints, by_name
 from ..rod_base import AbstractRod
-from ..sections import AbstractSection
+from ..sections import AbstractSection, check_section
 from ..strain_modes import STATIC
 from .rod_checks import check_what_shapes_need
 from .rod_inertia import first_moment, first_moment_slope, mass_matrix, velocity_force
@@ -163,6 +163,7 @@ class Rod(AbstractRod):
         - `name`, `modes` and `options`: as for every rod. It is inextensible and unshearable unless
           they have `EA` and `GA`.
         """
+        check_section(name, section)
         size, given = as_array(length), untraced(section.second_moment_y, section.second_moment)
         xp = namespace(given[0])
         about = as_array(xp.stack(given))
