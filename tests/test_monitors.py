@@ -85,7 +85,7 @@ def swing(start, *monitors, **settings):
 
 
 @pytest.mark.parametrize(
-    "method", in_groups(METHODS, fast=["Tsit5"], slow=["Rodas5P", "of two terms"])
+    "method", in_groups(METHODS, fast=["Tsit5"], slow=["Rodas5P", "Kvaerno5", "of two terms"])
 )
 def test_each_accepted_step_is_seen_once(method):
     """With events, dense output and the balance of energy beside, by methods of all kinds."""
