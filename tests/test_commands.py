@@ -28,7 +28,7 @@ PART = "a part of the line of the tests"
 COMMANDS = {
     "romjax scenes": "romjax scenes",
     "romjax run cart-pendulum": TEST_CLI,
-    "romjax run FILE.py": "romjax run mine.py --end 0.5",
+    "romjax run FILE.py": "romjax run mine.py --end 0.5 --budget 2",
     "romjax new crank.toml": FILES,
     "romjax check FILE": FILES,
     "romjax check crank.toml": FILES,
