@@ -210,6 +210,19 @@ def test_modes_have_a_picture_each_and_a_table(scene):
     np.testing.assert_allclose(moved[cart, 1], rest[cart, 1], atol=IDENTITY)
 
 
+def test_modes_of_a_controlled_scene_have_rows_of_its_bodies():
+    """None of the controller's states, which move nothing."""
+    bar = rj.Beam("bar", mass=1.0, length=1.0)
+    hinge = rj.Revolute(bar.at("start"), rj.ground.at(), name="hinge")
+    gains = {"target": rj.Constant(0.0), "proportional": 1.0, "integral": 1.0}
+    control = rj.PID(bar.at(), rj.ground.at(), **gains)
+    basis = rj.Basis.from_modes(np.eye(4)[:, 2:], np.zeros(4))
+    figure = plot.modes(rj.Scene([bar], [hinge], [control]), basis)
+    (table,) = figure.axes[-1].tables
+    assert len(table.get_celld()) == 2 + 3 * 3
+    figure.draw_without_rendering()
+
+
 def test_modes_of_a_large_scene_have_no_table():
     scene = rj.gallery.chain(9)
     n = rj.assemble(scene).n

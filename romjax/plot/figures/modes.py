@@ -28,9 +28,9 @@ def modes(
 
     The mechanism at rest in grey, without loads, and displaced by the mode in colour, so far that
     the point that moves most moves by 15 % of the mechanism's size; hinges that a mode tears apart
-    have two dots. The table has a row for each coordinate and a column for each mode; it is left
-    out for more than 24 coordinates, as are modes after the eighth. The components have the units
-    of the coordinates over kg^½ m, the modes being orthonormal in the mass metric.
+    have two dots. The table has a row for each coordinate of a body and a column for each mode; it
+    is left out for more than 24 of these, as are modes after the eighth. The components have the
+    units of the coordinates over kg^½ m, the modes being orthonormal in the mass metric.
 
     **Arguments:**
 
@@ -49,7 +49,7 @@ def modes(
             f"modes: the configuration at rest has shape {reference.shape}, but the modes have "
             f"shape {vectors.shape}; give the full system that the basis was made from."
         )
-    n, r = len(reference), min(basis.rank, MOST)
+    r = min(basis.rank, MOST)
     sizes = amplitudes(scene, 0.0, reference, vectors[:, :r])
     drawn = outlines(
         scene, 0.0, np.stack([reference, *(reference[:, None] + sizes * vectors[:, :r]).T])
@@ -64,6 +64,9 @@ def modes(
     rows = -(-r // columns)
     across = 9.0
     tall = rows * (min(across / columns * height / wide, 4.0) + 0.5)
+    # States of effects and counters of turns, which stand behind these, have no shapes.
+    coordinates = [c for body in scene.bodies for c in body.coordinates()]
+    n = len(coordinates)
     low = 0.3 + 0.2 * (n + 1) if n <= ROWS else 0.0
     figure = DisplayedFigure(figsize=(across, tall + low + 0.5))
     figure.set_layout_engine("constrained")
@@ -77,11 +80,7 @@ def modes(
         axes.set_axis_off()
         axes.set_title(_title(basis, j), fontsize=SMALL + 1)
     if low:
-        _table(
-            figure.add_subplot(parts[1]),
-            basis,
-            [c for body in scene.bodies for c in body.coordinates()],
-        )
+        _table(figure.add_subplot(parts[1]), basis, coordinates)
     title = "Modes" if basis.decomposition is None else f"{basis.name} modes"
     title += f" (first {r} of {basis.rank})" if r < basis.rank else ""
     figure.suptitle(title, fontsize=11)
@@ -102,7 +101,7 @@ def _title(basis: Basis, j: int) -> str:
 def _table(axes: Axes, basis: Basis, coordinates: list[Coordinate]) -> None:
     """The components; what is rounding beside the largest of the mode is printed as 0."""
     axes.set_axis_off()
-    vectors = np.asarray(basis.modes)[:, :MOST]
+    vectors = np.asarray(basis.modes)[: len(coordinates), :MOST]
     small = NEGLIGIBLE * np.max(np.abs(vectors), axis=0)
     cells = [
         ["0" if abs(x) <= least else f"{x:.3g}" for x, least in zip(row, small, strict=True)]
