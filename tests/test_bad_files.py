@@ -77,6 +77,15 @@ def test_a_wrong_rotation(mistake, path):
     assert [word for word in words if word not in said] == [], said
 
 
+def test_bodies_in_space_that_are_placed_in_a_file_of_the_plane(path):
+    """One line names the key that is left out, and not the poses that have another dimension."""
+    text = SPACE.replace("dimension = 3\n", "").replace("orientation =", "# ")
+    placed = 'place = { point = [0.0, 0.0, 0.1], at = "ground" }\n\n[joints]'
+    path.write_text(text.replace("[joints]", placed))
+    (line,) = refused(path)
+    assert "dimension: The bodies have 3; write dimension = 3." in line
+
+
 @pytest.mark.parametrize("mistake", IMPOSSIBLE)
 def test_joints_that_cannot_hold(mistake, path, capsys):
     """Of two scenes that differ in numbers alone."""
