@@ -58,6 +58,6 @@ def store(
     measured = Measured(result, of_chapter, str(datetime.date.today()))
     try:
         content = zlib.compress(pickle.dumps(measured), level=1)
-    except (pickle.PicklingError, TypeError, AttributeError):
+    except Exception:  # what was measured goes on to the page, whatever keeps it from the disk
         return
     program_cache.store_content(key, content, program_cache.RESULT)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from parallelogram import parallelogram
+from scipy.integrate import solve_ivp
 
 import romjax as rj
 
@@ -43,6 +44,24 @@ def test_what_rounding_moves_takes_long_steps():
     run = rj.simulate(rj.assemble(rj.Scene([body], effects=[rj.Gravity(), tie])), TS)
     assert run.is_valid
     assert run.stats.num_steps <= 30
+
+
+@pytest.mark.slow
+def test_a_small_vibration_is_right_by_root_finders_of_diffrax():
+    """Their tolerances are of metres: such a run is repeated with finer ones, whatever turns."""
+    size, k, end = 1e-6, 100.0, 2.0
+    body = rj.RigidBody("body", 1.0, 1.0, position=(size, 0.0))
+    spring = rj.Spring(body.at(), rj.ground.at(), k, 0.0, cubic=k / size**2)
+    ts = np.linspace(0.0, end, 101)
+    run = rj.simulate(
+        rj.assemble(rj.Scene([body], effects=[spring])), ts, solver=diffrax.Kvaerno5()
+    )
+    assert run.is_valid
+    true = solve_ivp(
+        lambda t, y: [y[1], -k * (y[0] + y[0] ** 3)], (0.0, end), [1.0, 0.0], t_eval=ts,
+        rtol=1e-12, atol=1e-12,
+    )  # fmt: skip
+    assert np.max(np.abs(run.q[:, 0] / size - true.y[0])) <= ERROR
 
 
 @pytest.mark.slow

@@ -86,9 +86,9 @@ def linearize(
       `equilibrium(system)`. Unless `v` is given, such as `v=system.v0` at the start, drives stand
       where they are at time `t` [s].
 
-    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, for an
-    input whose signal changes with time, and for controllers with a clock, whose laws no equation
-    of motion has.
+    Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, for a
+    state that the joints contradict, for an input whose signal changes with time, and for
+    controllers with a clock, whose laws no equation of motion has.
     """
     check_system("linearize", system)
     refuse_clocks("linearize", system)

@@ -120,8 +120,9 @@ static int resolved(const settings *s, const outputs *out, int64_t steps) {
 
 /* As romjax/integrate/turning.py has it. */
 static double turning_rtol(double rtol, double turning, double span) {
-  double turns = larger(turning * span / (6 * 3.141592653589793), 1);
-  return larger(rtol / (turns * turns), smaller(rtol, 500 * EPS));
+  double turns = turning * span / (2 * 3.141592653589793);
+  double share = 3 / smaller(larger(turns, 3), 100);
+  return larger(rtol * share * share, smaller(rtol, 500 * EPS));
 }
 
 static void begin_run(const double *x0, const settings *s, int own, double *y) {

@@ -136,8 +136,8 @@ def default_method(
     4 times as many steps by Rodas5P (36 at random, up to 5000 rad a run), with errors up to 60
     times as large, and ropes and contacts twice as many. It counts where a run that rests there
     throughout would take Dopri8 more than ten thousand steps, of a contact about a millimetre deep.
-    A fast spin is not stiff: every method has to follow it; nor are rods without damping, whose
-    fast vibrations are in what bends far.
+    A fast spin in space is not stiff: every method has to follow it; nor are rods without damping,
+    whose fast vibrations are in what bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where

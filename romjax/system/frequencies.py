@@ -25,7 +25,7 @@ class Frequencies(NamedTuple):
 
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
-    spin: Float[Array, ""]  # fastest angular velocity of a body
+    spin: Float[Array, ""]  # fastest angular velocity of a body in space
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness depends on how deep they are, or where nobody asks.
     acting: Float[Array, ""]
@@ -46,12 +46,15 @@ def frequencies(
     acting = with_all_acting(system) if with_acting and system.structure.contacts else None
     rigid, fastest, all_acting = _estimate(system, t, q, v, acting)
     constrained = system.m > 0 and system.full is not system
-    if not constrained and not system.full.structure.frames:
+    in_space = bool(system.full.structure.quaternions)
+    if not constrained and not in_space:
         return Frequencies(rigid, fastest, jnp.zeros_like(fastest), all_acting)
     state = system.state(t, q, v)
     if constrained:
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
-    return Frequencies(rigid, fastest, spin(system.full, state.q, state.v), all_acting)
+    # In the plane a balanced body turns without any effort.
+    turns = spin(system.full, state.q, state.v) if in_space else jnp.zeros_like(fastest)
+    return Frequencies(rigid, fastest, turns, all_acting)
 
 
 def spin(full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, ""]:
