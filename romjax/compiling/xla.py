@@ -198,7 +198,7 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
 
     For functions of your own with runs in them, and for their batches and derivatives: loops and
     calls become functions, where JAX starts a kernel for each operation, so that one run and its
-    derivative take a fraction of the time that they take in `jax.jit` (`benchmarks/gradients.txt`);
+    derivative take less time than in `jax.jit` (`benchmarks/gradients.txt`), and
     `rj.jit(jax.vmap(run))` makes more runs per second than `jax.jit(jax.vmap(run))`; how many more
     depends on the version of JAX (`benchmarks/batches.txt`). What works on complex numbers, keys of
     random numbers or large arrays stays as it is, and so do all programs where there are several
@@ -232,8 +232,8 @@ def filter_jit(function: Callable[..., Any]) -> Any:
 def speed_up_xla() -> None:
     """Make simulations faster on a CPU in programs that others compile.
 
-    For runs inside of a `jax.jit` that is not yours, such as that of a sampler: your own are faster
-    by `jit`, and a simulation outside of both is anyway.
+    It is for runs inside of a `jax.jit` that is not yours, such as that of a sampler: your own are
+    faster by `jit`, and a simulation outside of both is anyway.
     Programs compile in 0.7 of the time, but for gradients in reverse mode, which take two to six
     times as long.
 

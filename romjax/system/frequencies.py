@@ -27,7 +27,7 @@ class Frequencies(NamedTuple):
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
-    # where their stiffness depends on how deep they are, or where nobody asks.
+    # where their stiffness is unknown, as with friction, or where nobody asks.
     acting: Float[Array, ""]
 
 
@@ -72,8 +72,8 @@ def spin(full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]) -> 
 
 
 def with_all_acting(system: AbstractSystem) -> _Acting | None:
-    """Return the system with its effects that may begin, acting or not; None where it has none
-    whose stiffness is a constant.
+    """Return the system with its effects that may begin, acting or not; None where it has none, or
+    one whose stiffness is unknown.
     """
 
     def changed(acts: Bool[Array, ""]) -> AbstractSystem:

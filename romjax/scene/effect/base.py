@@ -105,7 +105,7 @@ class AbstractMarkerEffect(AbstractEffect):
     def acting(self, acts: Bool[Array, ""]) -> "AbstractMarkerEffect | None":
         """Return an effect that `begins` so that its stiffness shows at any state, if it `acts`.
 
-        None where the stiffness is no constant, as that of contacts, which grows with the depth.
+        None where nobody knows it, as for friction that sticks: such a system is stiff.
         """
         del acts
         return None
