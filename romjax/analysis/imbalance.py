@@ -44,6 +44,9 @@ def imbalance_of(
     push = multiply(basis.T, system.state(t, q, jnp.zeros_like(q)).force())
     stiffness = -tangent.matrix[d:, :d]
     squares, directions = jnp.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    # What is below is rounding, of a motion that nothing holds; by so small a divisor its amount is
+    # large, and is cut off at `_STEP`. The second number keeps the division right where all are
+    # zero.
     floor = jnp.maximum(1e-12 * jnp.max(jnp.abs(squares)), 1e-30)
     amounts = multiply(directions.T, push) / jnp.where(jnp.abs(squares) > floor, squares, floor)
     shapes = multiply(basis, directions)

@@ -153,6 +153,7 @@ def eigenvalues(
     stiffness = -constant[d:, :d]
     squares, directions = jnp.linalg.eigh(0.5 * (stiffness + stiffness.T))
     largest = jnp.max(jnp.abs(squares), initial=0.0)
+    # Free motions have no frequency to be scaled by; they take a millionth of the largest.
     floor = jnp.where(largest > 0, 1e-12 * largest, 1.0)
     scale = jnp.sqrt(jnp.maximum(jnp.abs(squares), floor))
     # In the modes of the undamped part, scaled by their frequencies, the matrix is nearly skew: its
@@ -161,6 +162,7 @@ def eigenvalues(
     back = jax.scipy.linalg.block_diag(directions / scale[None], directions)
     values, right = jnp.linalg.eig(forth @ constant @ back)
     left = jnp.linalg.pinv(right)
+    # Conjugates have one size but for rounding, and the one with the positive sign comes first.
     order = jnp.lexsort((-values.imag, jnp.round(jnp.abs(values), 12)))
     values, right, left = values[order], right[:, order], left[order]
     products = jnp.sum(left * right.T, axis=1)

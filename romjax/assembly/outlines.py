@@ -162,6 +162,7 @@ def _ground(
 ) -> list[MovingOutline]:
     """A hatched line at each marker on the ground of the parts that ask for it."""
     held = [m for part in parts if part.hatched for m in part.markers if m.body == GROUND]
+    # Markers that are in one place but for rounding have one sign.
     origins = {tuple(np.round(np.asarray(marker.point), 12)) for marker in held}
     return [
         MovingOutline("ground", np.tile(hatched(origin, size), (count, 1, 1)), "ground", False)

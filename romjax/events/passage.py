@@ -179,6 +179,8 @@ class Passage(AbstractPassage):
         near = self._noise + _NOW * way
         comes = (gaps > near) & jnp.array(self.oscillates)
         begins = (jnp.abs(gaps) <= near) & jnp.array(self.hard)
+        # Farther from the end than four steps, half of the way takes longer than the planned step,
+        # unless the push triples the speed on it.
         leaves = (gaps < -near) & (rates > 0) & (-gaps < 4 * way) & jnp.array(self.hard)
         end: Array = jax.lax.cond(
             keep & jnp.any(comes | begins | leaves),
@@ -237,7 +239,8 @@ class Passage(AbstractPassage):
         turns = (stiffness * jnp.sqrt(speed)) ** -0.4
         first = jnp.where(begins, _FIRST * self.rtol**0.2 * turns, jnp.inf)
 
-        # The speed at the end of a contact and the time to it, if it pushed on as it does now.
+        # The speed at the end of a contact and the time to it, if it pushed on as it does now: with
+        # the depth δ, the speed u now and a push b, s² = u² + 2 b δ, and 2 δ / (s + u) is the time.
         pushes = jnp.maximum(push(a - free), 0)
         leaves = (gap < -noise) & (rate > 0) & (-gap < 4 * h * rate) & hard
         speed = jnp.sqrt(rate**2 + 2 * jnp.abs(gap) * pushes)

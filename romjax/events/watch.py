@@ -95,6 +95,7 @@ class Watch(AbstractWatch):
         # Events that follow by less than the error of their time count as simultaneous.
         hits = hits & (wait <= first + 1e-3 * reach)
         shift = jnp.where(jnp.any(hits), first, 0.0)
+        # A Taylor series: velocities err by the square of the shift, positions by its cube.
         t, q, v = t1 + shift, q + shift * v + 0.5 * shift**2 * a, v + shift * a
         closed = self._resets & (hits | (values + shift * rates <= watching.scales.floor))
         return self._collided(
@@ -196,6 +197,8 @@ class Watch(AbstractWatch):
             return state.q, state.v, system.state(t, q, after[1]).v
 
         q, v_before, v_after = jax.vmap(at)(record.time, record.before, record.after)
+        # Rows without an event hold the start, as the record has it, and get a time that never
+        # comes.
         used = jnp.arange(len(record.time)) < record.number
         return Events(
             count=record.number,

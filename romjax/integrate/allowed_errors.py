@@ -22,4 +22,6 @@ def allowed_errors(
     allowed = atol + rtol * jnp.sqrt(jnp.mean(v**2, axis=0))
     # The control looks at the root mean square over all coordinates and velocities.
     speed = jnp.sqrt(count * jnp.sum(jnp.diagonal(metric) * allowed**2) * span)
+    # An error of velocities at the frequency ω is one of positions by 1/ω; no frequency counts as
+    # less than a period in the run.
     return speed / jnp.maximum(fastest, 2 * jnp.pi / span), speed

@@ -43,5 +43,6 @@ def _turns(structure: Structure, numbers: np.ndarray) -> tuple[np.ndarray, float
     """The coordinates of the turn of the body of each amplitude, and over what the sum of their
     inertias is J: in space trace M_pp = 4 trace J.
     """
+    # Four times the trace over twelve is the mean of the three moments of inertia.
     bodies = np.searchsorted(structure.frames, numbers, side="right") - 1
     return structure.turns[bodies], 12.0 if structure.quaternions else 1.0

@@ -42,6 +42,8 @@ class QuinticInterpolation(diffrax.AbstractLocalInterpolation):
         first, last = k[0], k[-1]
         mean = jnp.where(h == 0, 0.0, (q1 - q0) / jnp.where(h == 0, 1.0, h)) - v0 - first / 2
         change, bend = v1 - v0 - first, last - first
+        # Their conditions at x = 1 are c₃ + c₄ + c₅ = mean, 3 c₃ + 4 c₄ + 5 c₅ = change, and
+        # 6 c₃ + 12 c₄ + 20 c₅ = bend.
         c3 = 10 * mean - 4 * change + bend / 2
         c4 = -15 * mean + 7 * change - bend
         c5 = 6 * mean - 3 * change + bend / 2

@@ -40,7 +40,8 @@ _BY_PARTS, _WHOLE, _COORDINATE = 2.0, 1.5, 0.1
 # A fixed step times a frequency that an explicit method still follows.
 _RESOLVED = 1.0
 # A spinning body has no frequency above this many times its angular velocity of its own: that of
-# nutation is up to the ratio of two moments of inertia.
+# nutation is up to the ratio of two moments of inertia. Two is the ratio of a thin disc, which no
+# body exceeds, as no moment is larger than the sum of the others.
 _SPINS = 2.0
 # Share of the fastest frequency at which Baumgarte's terms leave the step to the mechanism.
 _UNRESOLVED = 0.25
@@ -233,6 +234,8 @@ def warn_of_fast_stabilization(
             f"The stabilisation and not the mechanism sets the step: Baumgarte's terms decay at "
             f"{rate:.3g} /s, the fastest frequency of the mechanism is {fastest:.3g} rad/s, and "
             f"{trajectory.solver_name} took steps of {step:.2g} s. Use "
+            # Where nothing pulls the frequency is zero, and a term of that rate would hold no
+            # joint.
             f"romjax.Baumgarte.critical({max(fastest, 1e-3):.2g}), romjax.Projection(), or "
             "romjax.Rodas5P().",
             stacklevel=3,

@@ -92,6 +92,7 @@ class DenseOutput(eqx.Module):
             )
         system, count = without_names(self.parts.combine()), len(ts)
         projection = self.stabilization if isinstance(self.stabilization, Projection) else None
+        # Rows up to the next power of two share a program, as outputs do.
         size = capacity(count, 2 * system.full.n, ts.dtype)
         rows = ts if size == count or known is None else padded(ts, size)
         outputs = cut(_evaluated(system, projection, self.interpolations, rows), count)

@@ -173,6 +173,8 @@ def metric_of(system: AbstractSystem) -> Float[Array, "n n"]:
     if not full.structure.quaternions:
         return metric
     table = quaternions.columns(full.structure.quaternions)
+    # Quaternions are taken out of the matrix, with all that couples with them, and put back as
+    # multiples of the identity.
     others = np.ones(full.n)
     others[table] = 0
     means = jnp.mean(jnp.diagonal(metric)[table], axis=1) * jnp.sum(full.q0[table] ** 2, axis=1)

@@ -78,6 +78,7 @@ def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings
     motion = _Motion(*(x[every.counts] for x in every))
     if not np.any(motion.distance):
         return settings  # of a run so short that no coordinate has changed
+    # Positions and velocities share one atol, so that the smaller of both sizes counts.
     size = np.max(np.minimum(motion.distance, motion.speed))
     # In units of the distance that it moves, a motion far from zero has fewer digits.
     far = np.max(motion.farthest) / np.max(motion.distance)

@@ -84,6 +84,8 @@ def _singular_values(
     def at(time_and_position: tuple[Array, Array]) -> tuple[Array, Array]:
         t, q = time_and_position
         rows = system.state(t, q, jnp.zeros_like(q)).jacobian()
+        # With M = L Lᵀ the rows of C_q L⁻ᵀ have the lengths and the angles of those of C_q in the
+        # metric of M⁻¹.
         half = jnp.linalg.cholesky(system.mass(q))
         free = jax.scipy.linalg.solve_triangular(half, rows.T, lower=True).T
         lengths = jnp.sqrt(jnp.sum(free**2, axis=1, keepdims=True))

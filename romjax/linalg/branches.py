@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 from .dense import multiply
 from .indexing import Index, take
 
-# Entries below this share of the largest are zero.
+# Entries below this share of the largest are what rounding leaves of terms that cancel, and link no
+# unknowns.
 _ZERO = 1e-12
 
 
@@ -55,6 +56,7 @@ class Forest:
         reached = [(i, int(own[0]), size) for i, own in enumerate(ends) if len(own) == 1]
         while reached:
             row, unknown, parent = reached.pop()
+            # A second row for one unknown closes a loop, which no forest has.
             if rows[unknown] < size:
                 return None
             rows[unknown], parents[unknown] = row, parent
@@ -66,6 +68,7 @@ class Forest:
             return None
         ancestors = list[list[int]]()
         while np.any(parents < size):
+            # The parent of a parent is twice as far away; m, which stands for none, is its own.
             ancestors.append(parents[:-1].tolist())
             parents = parents[parents]
         return cls(Index.of([rows.tolist()]), Index.of(ancestors))
@@ -94,6 +97,7 @@ class Branches(AbstractInverse):
             exists = parents < len(matrix)
             linked = matrix[rows, np.where(exists, parents, 0)]
             factors.append(jnp.where(exists, -scale * linked, 0))
+        # The factor over twice as many links is the product of those over both halves.
         for before in levels[:-1]:
             factors.append(factors[-1] * take(factors[-1], before))
         none = jnp.zeros((0, len(matrix)), matrix.dtype)

@@ -90,6 +90,7 @@ class ImplicitKKT(eqx.Module):
 
     def stage(self, b: Float[Array, " n"], c: Float[Array, " n"]) -> Float[Array, " n"]:
         """The solution w of W w = b + s ∂a/∂q c."""
+        # (M b − s K c, C b − s G_q c), and s times it below.
         right = self._apply(self._mass, b[:, None])
         right -= self.step * self._apply(self.slopes.by_position, c[:, None])
         if self.pattern.m:
@@ -132,6 +133,8 @@ class ImplicitKKT(eqx.Module):
             return once(right)
         n = self.pattern.n
 
+        # Accelerations and multipliers have units of their own, so that each part is judged by
+        # itself.
         def sizes(x: Array) -> Array:
             return jnp.stack([jnp.max(jnp.abs(part), axis=0) for part in (x[:n], x[n:])])
 
@@ -198,6 +201,8 @@ def _change_of_solution(primals: Any, tangents: Any) -> Any:
     (system, right), (change, given) = primals, tangents
     solution = held = _solution(system, right)
     if system.redundant:
+        # Forces do not tell how repeated rows share a multiplier. dJ takes the shares of `KKT`, the
+        # shortest ones, from which those of these factors may differ.
         n, pattern = system.pattern.n, system.pattern
         rows = system.kkt.without_null(pattern.split_rows(solution[n:]))
         held = jnp.concatenate([solution[:n], pattern.join_rows(rows)])
@@ -217,6 +222,7 @@ def _places(pattern: Pattern, pairs: tuple[Edge, ...]) -> tuple[np.ndarray, ...]
     """
     layout, none = supernodes(pattern, pairs), pattern.n + pattern.m
     count, width = layout.unknowns.shape
+    # Blocks on the diagonal come first, then for each edge the one above it and the one below it.
     number = np.zeros((count, count), int)
     number[np.arange(count), np.arange(count)] = np.arange(count)
     for at, (i, j) in enumerate(layout.edges):
@@ -231,6 +237,7 @@ def _places(pattern: Pattern, pairs: tuple[Edge, ...]) -> tuple[np.ndarray, ...]
     motion = np.where(motion < pattern.n, motion, none)
     rows = np.where(rows < pattern.m, pattern.n + rows, none)
     first, second = np.array(pairs, int).reshape(-1, 2).T
+    # C′ has its rows at the constraints and its columns at the coordinates, Cᵀ the other way round.
     held, moved = rows[pattern.nodes][:, :, None], motion[pattern.bodies][:, None]
     multipliers = np.arange(pattern.n, none)
     free = np.argwhere(layout.unknowns == none)

@@ -74,6 +74,7 @@ def spread(
     if np.array_equal(index, np.arange(np.prod(shape))):
         return entries.reshape(shape)
     source = np.full(int(np.prod(shape)), entries.size, dtype=np.uint32)
+    # Of entries with one place the last one is taken here, and the others by the next call.
     source[index[index >= 0]] = np.flatnonzero(index >= 0)
     padded = jnp.concatenate([entries, np.zeros(1, entries.dtype)])
     index[source[source < entries.size]] = -1

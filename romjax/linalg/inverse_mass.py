@@ -51,6 +51,8 @@ class PlainInverse(AbstractBodyInverse):
     def weigh(self, x: Rows) -> Rows:
         if self.weights.ndim == 2:
             return multiply(x, self.weights)
+        # Blocks are as wide as the widest body: columns beyond the own ones hold zeros, which any
+        # weight leaves.
         more = x.shape[1] - len(self.weights)
         return x * jnp.pad(self.weights, (0, more), constant_values=1)[None]
 

@@ -130,5 +130,6 @@ def _front(
                     size += 1
                 slots[receiver] = free.pop()
             onto[i, p] = slots[receiver]
+    # One more slot, the last, takes what is padding.
     table, targets = (np.where(x < 0, size, x).astype(np.uint32) for x in (own, onto))
     return Front(table, targets, first), size + 1

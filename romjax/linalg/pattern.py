@@ -63,6 +63,8 @@ class Pattern:
         for held, rows in joints:
             involved = sorted(held)
             for connected, node_rows in nodes:
+                # Rows of one node have the same pattern, so that they share its blocks up to the
+                # height that all blocks are padded to.
                 if connected == involved and len(node_rows) + len(rows) <= height:
                     node_rows += rows
                     break
@@ -201,6 +203,7 @@ class Pattern:
                         products.setdefault(edge, []).append(len(left))
                         left.append(k)
                         right.append(o)
+        # A node meets itself on each of its bodies, so that its own block is a sum over them.
         own = [products.get((j, j), []) for j in range(len(self.rows.rows))]
         between = [products[edge] for edge in self.edges]
         size = len(left)

@@ -40,6 +40,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def two_sided_product(a: Quaternion, b: Quaternion) -> Float[Numbers, "... 4 4"]:
     """The matrix of x ↦ a ⊗ x ⊗ b."""
+    # a ⊗ x is a matrix of a times x, and x ⊗ b one of b times x: their product is both.
     first, second = _signed(a, _LEFT), _signed(b, _RIGHT)
     products: Float[Numbers, "... 4 4"] = (first[..., None] * second[..., None, :, :]).sum(axis=-2)
     return products
@@ -139,11 +140,13 @@ def angle(a: Quaternion, b: Quaternion, less: Any = None) -> Float[Numbers, "...
 
 def torque(p: Quaternion, slope: Quaternion) -> Triple:
     """½ E ∂/∂p: the torque by the axes of space that does the same work as a force on p."""
+    # A turn by δθ changes p by ½ Eᵀ δθ: the work slope · δp is τ · δθ with this τ.
     return 0.5 * apply(space_matrix(p), slope)
 
 
 def generalized(p: Quaternion, torque: Triple) -> Quaternion:
     """2 Eᵀ τ / s: the force on p of a torque by the axes of space."""
+    # The power τ · ω with ω = 2 E ṗ / s is that of this force on ṗ.
     return 2 * apply_transposed(space_matrix(p), torque) / squared(p)[..., None]
 
 

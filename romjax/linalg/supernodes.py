@@ -40,6 +40,8 @@ def supernodes(pattern: Pattern, pairs: tuple[Edge, ...]) -> Supernodes:
     owners, ancestors = _spanning_tree(linked, list(map(len, rows)), len(coordinates))
     blocks, home, closing = list(coordinates), dict[int, int](), list[set[int]]()
     for node, bodies in enumerate(linked):
+        # A joint of the spanning tree makes the block of the body that it holds regular; any other
+        # closes a loop, and waits for all bodies of it.
         loop = {owners[node]} if node in owners else _loop(bodies, ancestors)
         if len(loop) == 1:
             home[node] = loop.pop()
@@ -72,6 +74,8 @@ def _spanning_tree(
             ancestors[body] = {body}  # it is free
             continue
         _, node, body = min(ready)
+        # The node with the most rows is taken first, and of equals the first one, so that the same
+        # mechanism has the same blocks.
         owners[node] = body
         ancestors[body] = {body}.union(*(ancestors[o] for o in linked[node] if o != body))
     return owners, [ancestors[body] for body in range(count)]
@@ -96,6 +100,7 @@ def _merged(
     widest = max(map(len, blocks))
     limit = widest + int(_SLACK * widest)
     for block in sorted(range(bodies), key=lambda i: (len(blocks[i]), i)):
+        # Blocks that are neighbours by now, after those that were merged before.
         around = {into[o] for edge in edges for i, o in (edge, edge[::-1]) if into[i] == block}
         near = [(len(blocks[o]), o) for o in around - {block} if o < bodies]
         if near and len(blocks[block]) + min(near)[0] <= limit:

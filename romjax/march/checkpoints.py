@@ -42,6 +42,7 @@ class Checkpoints(NamedTuple):
         # With the stride doubled, every second checkpoint is free again.
         full = ~jnp.any(self._free(self.stride))
         stride = jnp.where(full, 2 * self.stride, self.stride)
+        # Rejected steps come back with the same number, and store nothing a second time.
         due = (accepted > number) & (number % stride == 0)
         slot = jnp.argmax(self._free(stride))
 

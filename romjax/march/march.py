@@ -54,6 +54,8 @@ class March(NamedTuple):
             after, tried = self.steps.attempt(before, self.trial)
             made = Step(before, after, tried, seen)
             others = {name: f.follow(made, seen[name]) for name, f in self.others.items()}
+            # Outputs come last, since numbers beside them are what the others have seen with this
+            # step.
             outputs = self.outputs.follow(made._replace(seen=others), seen[OUTPUTS])
             return after, others | {OUTPUTS: outputs}
 

@@ -74,6 +74,7 @@ class Outputs(AbstractFollower):
         """
         missing = (jnp.arange(len(self.ts)) >= seen.number) & ~stopped
         sizes = [jnp.sum(x**2) for x in jax.tree.leaves(end.y)]
+        # NaN that is made of the state has derivatives that are NaN as well.
         unknown = jnp.nan * (1 + functools.reduce(operator.add, sizes))
 
         def put(rows: Array) -> Array:

@@ -161,6 +161,7 @@ def _transpose(
 
     def segment(carry: tuple[Array, Transposed]) -> tuple[Array, Transposed]:
         index, later = carry
+        # The last segment has what is left of the accepted steps.
         size = jnp.where(index >= 0, jnp.minimum(stride, accepted - index * stride), 0)
         starts = _starts(march, by_seen, checkpoints.get(index * stride), size, longest)
 
@@ -219,9 +220,11 @@ def _starts(
     def again(carry: tuple[Progress, Any, PyTree]) -> tuple[Progress, Any, PyTree]:
         now, seen, rows = carry
         after, tried = march.steps.attempt(now, march.trial)
+        # In a batch the loop goes on until the longest lane has ended; the others stay as they are.
         after = chosen(unfinished(now), after, now)
         step = Step(now, after, tried, seen)
         seen = {name: march.others[name].follow(step, seen[name]) for name in names}
+        # Rejected steps write the row of their start once more.
         number = after.accepted - first.accepted
         row = row_of(after, seen)
         return after, seen, jax.tree.map(lambda all_, x: all_.at[number].set(x), rows, row)

@@ -29,6 +29,7 @@ class StepSizeControl(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
 
     @classmethod
     def of(cls, tolerances: Tolerances, shortest: Float[Array, ""]) -> "StepSizeControl":
+        # A step that would have to be shorter than the least one ends the run.
         steps = diffrax.PIDController(rtol=0.0, atol=1.0, dtmin=shortest, force_dtmin=False)
         return cls(tolerances.rtol, tolerances.atol, optimistix.rms_norm, tolerances, steps)
 

@@ -219,7 +219,7 @@ class Steps(NamedTuple):
 
     def _limited(self, t: Array, next_t: Array, keep: Array) -> Array:
         # A step that would end beyond `t1`, or just before it, ends there; one after a rejection
-        # goes half way only.
+        # goes half way only. The whole way would be the step that was just rejected.
         t1 = self._next_end(t)
         if self.longest is not None:
             next_t = jnp.minimum(next_t, t + self.longest(t))

@@ -159,6 +159,7 @@ class Tolerances(eqx.Module):
         sizes = jnp.minimum(reach.sizes[:2], most)
         sizes = sizes if self.shares is None else sizes * self.shares[None]
         followed = self.rtol * jnp.maximum(sizes, moved)
+        # In a step h an error R / h of velocities moves positions by R.
         followed += jnp.stack([noise, noise / h])
         errors: Array = jnp.where(self.follow, followed, self.atol + self.rtol * largest)
         return errors

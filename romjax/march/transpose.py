@@ -39,7 +39,7 @@ class Transposed(NamedTuple):
 class TransposedSteps(NamedTuple):
     """The steps of a march, as functions that are transposed one by one."""
 
-    # Those numbers of trial, output, ts and followers by which it is differentiated, else None.
+    # Derivatives are taken by the numbers of trial, output, ts and followers that are not None.
     numbers: Any
     constants: Any  # the others
     cotangents: PyTree  # of all outputs

@@ -103,6 +103,7 @@ def closed(
     """Coordinates after sweeps towards C = 0, by steps that the extended mass matrix decides."""
 
     def sweep(q: Array, _: Any) -> tuple[Array, None]:
+        # The least step in the mass metric with C_q Δq = −C: Gauss–Newton.
         step, _ = kkt(q).solve(jnp.zeros_like(q), -system.constraint(t, q))
         return q + step, None
 

@@ -117,6 +117,7 @@ class CustomSystem(AbstractSystem, AbstractConstrained):
 
     def state(self, t: Time, q: Float[Array, " n"], v: Float[Array, " n"]) -> FullState:
         def jacobian() -> Array:
+            # One side, or none where there are no constraints, as the dense pattern has it.
             rows: Array = jax.jacfwd(self.constraint, argnums=1)(jnp.asarray(t, q.dtype), q)
             return rows[None][: min(self.m, 1)]
 

@@ -37,6 +37,9 @@ class Linearization(NamedTuple):
         """The solution of W w = b + s ∂a/∂q c with W = 1/s − ∂a/∂v − s ∂a/∂q for a `step` s, as a
         function of b and c.
         """
+        # An implicit stage is (1/s − J) k = r with the Jacobian J of (v, a). Its upper half gives
+        # k_q = s (r_q + k_v), and with that its lower half
+        # (1/s − ∂a/∂v − s ∂a/∂q) k_v = r_v + s ∂a/∂q r_q.
         unit = jnp.eye(self.acceleration.size, dtype=self.acceleration.dtype)
         # One inverse serves all stages; at these sizes a product is far cheaper than two triangular
         # solves, and W is well scaled.
@@ -108,6 +111,8 @@ def quadratic_velocity_force(mass: Callable[..., Array]) -> Callable[..., Array]
     It belongs into the `force` of a CustomSystem whose mass matrix changes with q.
     """
 
+    # Lagrange's equations of T = ½ vᵀ M v are M a + Ṁ v − ½ ∂(vᵀ M v)/∂q = Q. The transpose with v
+    # held gives v · ∂(M v)/∂q, the whole of that gradient.
     def force(q: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " n"]:
         def momentum(q: Float[Array, " n"]) -> Float[Array, " n"]:
             m = mass(q)
@@ -245,6 +250,7 @@ def _residual(
             unbalanced -= applied(t, q, v)
         if system.m == 0:
             return unbalanced, jnp.zeros(0, q.dtype)
+        # C_qᵀ λ as the gradient of λ · C: C_q itself is not formed.
         reaction = jax.grad(lambda q: multiply(multipliers, system.constraint(t, q)))(q)
         along = constraint_state(system, t, q, v, a)
         curvature = along.curvature

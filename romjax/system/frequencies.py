@@ -68,6 +68,7 @@ def spin(full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]) -> 
     q, v = q[structure.turns], v[structure.turns]
     if not structure.quaternions:
         return jnp.max(jnp.abs(v))
+    # |ω| = 2 |E ṗ| / s, and E ṗ is as long as |p| ṗ where ṗ is across p.
     return 2 * jnp.sqrt(jnp.max(jnp.sum(v**2, axis=1) / jnp.sum(q**2, axis=1)))
 
 
@@ -110,7 +111,9 @@ def _estimate(
     ∂a/∂q, among all for ∂a/∂q, and among all for ∂a/∂v; and a fourth for ∂a/∂q of the system whose
     effects are `acting`, where this is given.
     """
-    # Difference quotients: the derivative would double the program for a rough number.
+    # Difference quotients: the derivative would double the program for a rough number. At the root
+    # of the rounding unit their truncation, in proportion to the step, is as large as their
+    # rounding, in proportion to its inverse.
     step = jnp.sqrt(jnp.finfo(q.dtype).eps)
     everywhere = [jnp.ones(system.n, bool)] * (2 if acting is None else 3)
     among = jnp.stack([jnp.array(system.structure.rigid), *everywhere])

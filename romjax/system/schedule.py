@@ -96,7 +96,8 @@ class Schedule(eqx.Module):
         if self.is_known:
             return self
         shares = np.arange(_LOOKS + 1) / _LOOKS
-        # The matrix of Lagrange's interpolation through every fourth value.
+        # The matrix of Lagrange's interpolation through every fourth value. Five of the seventeen
+        # values make a polynomial of degree four.
         told = np.linalg.solve(np.vander(shares[::4]).T, np.vander(shares, 5).T).T
 
         def part(ends: tuple[Array, Array]) -> tuple[Array, ...]:
@@ -108,6 +109,7 @@ class Schedule(eqx.Module):
 
         least, largest, missed = jax.lax.map(part, (ts[:-1], ts[1:]), batch_size=_AT_ONCE)
         least, largest = least.min(axis=0), largest.max(axis=0)
+        # Rounding, which is all that a constant load changes by, is no change.
         rounding = 100 * jnp.finfo(ts.dtype).eps * jnp.maximum(jnp.abs(least), jnp.abs(largest))
         short = jnp.any(missed > (_SEEN * (largest - least) + rounding)[None], axis=1)
         # Both neighbours of such an interval take short steps too: the change may reach into them.

@@ -30,6 +30,7 @@ class Baumgarte(eqx.Module):
     @classmethod
     def critical(cls, omega: Number) -> "Baumgarte":
         """Critical damping with the frequency `omega` [rad/s]: α = 2ω, β = ω²."""
+        # s² + α s + β has the double root −ω.
         return cls(alpha=2 * jnp.asarray(omega), beta=jnp.asarray(omega) ** 2)
 
     def term(self, violation: Float[Array, " m"], rate: Float[Array, " m"]) -> Float[Array, " m"]:

@@ -87,6 +87,7 @@ class Start(NamedTuple):
 
 def _worst(values: Float[Array, " m"], allowed: Float[Array, " m"]) -> int:
     """The first of those that are largest but for rounding, whatever the machine."""
+    # A row of zeros allows nothing and is violated by nothing: 0 / 0 is to be 0.
     share = np.abs(np.asarray(values)) / np.maximum(np.asarray(allowed), 1e-300)
     return int(np.argmax(~(share < (1 - 1e-6) * np.max(share))))
 

@@ -13,7 +13,8 @@ from ..common.identity_cache import IdentityCache
 from ..scene.coordinate import Coordinate
 from ..scene.points import NamedPoints
 
-# So small that a counter adds nothing to what it counts.
+# So small that a counter adds nothing to what it counts. A trillionth of the inertia that turns
+# with it is less than what tolerances leave of a motion.
 COUNTER_INERTIA = 1e-12
 
 

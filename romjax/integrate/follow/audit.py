@@ -125,6 +125,7 @@ class Audit(AbstractFollower):
         t, y = after.t, after.y
         v = self.system.structure.without_states(y[1])
         energy, zero, squared = self._at(t, y)[1].energy(), jnp.zeros_like(t), jnp.sum(v**2)
+        # Half of a mean inertia, by which velocities as small as their tolerances have an energy.
         share = energy.kinetic / jnp.where(squared > 0, squared, 1)
         if not self.controlled:
             least = share * len(v) * self.tolerances.atol**2
