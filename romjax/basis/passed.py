@@ -50,6 +50,7 @@ def _within(t: np.ndarray, q: np.ndarray, v: np.ndarray, jumps: np.ndarray) -> l
     lasts = (t[1:] > t[:-1]) & ~np.any(inside, axis=1)
     step, change = np.diff(t)[lasts, None], np.diff(q, axis=0)[lasts]
     q, start, end = q[:-1][lasts], v[:-1][lasts], v[1:][lasts]
+    # The parabola through both positions with the velocity at the start ends with 2 Δq/h − v₀.
     end = np.where(np.isin(t[1:], jumps)[lasts, None], 2 * change / step - start, end)
     return [
         q + s**2 * (3 - 2 * s) * change + s * (1 - s) * step * ((1 - s) * start - s * end)

@@ -48,6 +48,7 @@ def _follow(
     limits = precision.of(q.dtype)
 
     def one(t0: Array, q0: Array, t1: Array, q1: Array) -> tuple[Array, Array, Array]:
+        # The way is straight in the independent coordinates; Newton's method adds the others.
         along = multiply(independent, multiply(read, q1 - q0))
 
         def point(before: Array, share: Array) -> tuple[Array, tuple[Array, Array, Array]]:

@@ -61,9 +61,11 @@ def survey(
     typical = scaled[farthest]
     tol = _REDUNDANT * np.linalg.norm(typical, 2)
     rank = int(np.linalg.matrix_rank(typical, tol=tol))
+    # The pivots of QR are the rows that are most independent of those before them.
     _, _, order = scipy.linalg.qr(typical.T, pivoting=True)
     rows = tuple(sorted(int(i) for i in order[:rank]))
     scaled = scaled[:, rows]
+    # Right singular vectors beyond the rank are what C_q maps to zero.
     null_spaces = np.stack([scipy.linalg.svd(x)[2][rank:].T for x in scaled])
     return Survey(numbers, rows, scaled, null_spaces, root)
 

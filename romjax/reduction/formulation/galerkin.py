@@ -84,6 +84,7 @@ def _count(system: AbstractSystem, candidates: ReducedConstraints, r: int, lengt
         )
     most = most_kept(candidates)
     counts = range(most, -1, -1)
+    # The most constraints with which the motion of the snapshots is still possible.
     kept = next(count for count in counts if not count or not locks(candidates, count))
     loose, row = looseness(candidates, kept) if system.m else (0.0, 0)
     if loose > LOOSE:

@@ -194,6 +194,7 @@ def _lift_from(
     z, guesses = displacements @ dual.T, displacements @ others.astype(dtype).T
     inverses = chart.dependent_inverses(system, t, q)
     drives = jax.vmap(lambda t, q: chart.drives(system, t, q))(t, q)
+    # The rate at which drives alone move d is (C_q W)⁻¹ C_t, here in the mean square.
     pace = jnp.sqrt(jnp.mean(jnp.sum(jnp.einsum("kij,kj->ki", inverses, drives) ** 2, axis=1)))
     return ImplicitLift(offset, modes, dual, z, guesses, t, inverses, pace, chart)
 

@@ -122,12 +122,15 @@ class HyperReduced(AbstractFormulation):
         rows, chosen, first = list[tuple[int, ...]](), list[Any](), 0
         for table in tables:
             own = weights[first : first + len(table)]
+            # Bodies that effects act on are sampled for their poses, though their own weight may be
+            # zero.
             used = np.flatnonzero((own > 0) | np.isin(table[:, 0], loaded))
             rows.append(tuple(int(i) for i in used))
             chosen.append(jnp.asarray(own[used]))
             first += len(table)
         bodies = np.concatenate([t[list(own)] for t, own in zip(tables, rows, strict=True)])
         moving = np.asarray(_tangents(full, lift, jnp.asarray(z[:: len(z) // 5])))
+        # What does not turn is affine in z, and needs no rotations.
         varied = np.max(np.ptp(moving, axis=0), axis=1) > _STEADY * np.max(np.abs(moving))
         turned = [(x, y) for x, y, _ in bodies.tolist() if varied[x] or varied[y]]
         every = np.concatenate(tables)[:, 2]

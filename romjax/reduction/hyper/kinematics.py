@@ -38,6 +38,8 @@ class Rotations(eqx.Module):
         inner = np.asarray(lift.inner)[angles]
         offset = np.asarray(lift.offset)[independent(lift)[angles]]
         rotations = np.exp(1j * (offset + z @ inner.T))
+        # The slope of e^{iθ} by z is i ∂θ/∂z times it. The factor i, one for all columns, changes
+        # no combination of them; the spread of z makes slopes as large as values.
         slopes = [rotations * own for own in (inner * np.std(z, axis=0)).T]
         r, pivots = scipy.linalg.qr(np.concatenate([rotations, *slopes]), mode="r", pivoting=True)
         size = np.abs(np.diagonal(r))
@@ -108,8 +110,10 @@ def sample_kinematics(
     spread = jnp.zeros((len(rotations.sampled), len(turns)), level.dtype)
     by_real = along(spread.at[:, own].set(rotations.real.T))
     by_imaginary = along(spread.at[:, own].set(rotations.imaginary.T))
+    # A slope x + i y is i h times what is pushed: with T = a + i b, A = h T is −i (i h a) + i h b.
     real = by_imaginary[:, 0] + by_real[:, 1]
     imaginary = by_imaginary[:, 1] - by_real[:, 0]
+    # All rotations are one here, so that the arms add up to −i times the slope by all angles.
     centre = point - jnp.stack([all_turn[:, 1], -all_turn[:, 0]], axis=1)
     zero, sampled = jnp.zeros(r, level.dtype), np.array(rotations.sampled, int)
     others = jnp.where(turns[:, None], 0, lift.inner)

@@ -109,6 +109,7 @@ def _slopes(
     """∂Q/∂z and ∂Q/∂w at several z."""
 
     def one(z: Array) -> tuple[Array, Array]:
+        # Linear laws have the same slopes at any velocities; sin z differs from one z to the next.
         both: tuple[Array, Array] = jax.jacfwd(_force, argnums=(3, 4))(
             loads, lift, system, z, jnp.sin(z)
         )

@@ -103,6 +103,7 @@ class AlongJoints(eqx.Module):
             group, motion, rate = each.of(state)
             push = _pushes(group, state.t, motion, rate)
             if group.stores:
+                # The part that a motion at rest has too is that of the potential energy.
                 push -= _pushes(group, state.t, motion, jnp.zeros_like(rate))
             power = jnp.sum(push * rate)
             if group.supplies:
@@ -191,6 +192,7 @@ def _bytes(numbers: Any) -> bytes:
     """Numbers without the zeros at the ends of their axes, with which those of fewer modes are
     padded.
     """
+    # Adding zero makes minus zero, whose bytes are others, a zero.
     x = np.atleast_1d(numbers) + 0.0
     places = np.nonzero(x)
     sizes = tuple(int(np.max(own, initial=-1)) + 1 for own in places)

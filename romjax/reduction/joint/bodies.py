@@ -142,6 +142,8 @@ def biases(
         torque, modal = _sum(torque, quadratic.torque), modal + quadratic.modal
         force = _sum(force, quadratic.force)
     if state.others is not None:
+        # Forces by coordinates of frames are those by twists, but for torques, which act on
+        # quaternions.
         acting = tree.columns.take(state.others)
         d = motion.arms.shape[1]
         turns = tree.columns.take(state.q)[:, 3:7] if d == 3 else None

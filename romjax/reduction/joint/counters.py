@@ -45,6 +45,7 @@ def counters_of(
     joints = some_joints(full, rows)
     assert joints.markers is not None
     frames = joints.markers.frames.array[:, 0].astype(int)
+    # A counter follows the joint between the two bodies whose turn it counts.
     moving, numbers = _moving(tree, spanning), _numbers(full)
     columns, followed, turning = list[int](), list[int](), list[bool]()
     for group in joints.groups:
@@ -63,6 +64,7 @@ def counters_of(
     order = [row[0] for group in groups for row in group.coordinates.rows]
     kinds: list[Any] = [group.bodies for group in groups]
     every = concatenate([each.inertia for each in kinds])
+    # Counters are stored by groups, and looked up by their column in q.
     inertias = pick(every, np.array([order.index(columns[i]) for i in rotors], int))
     signs, offsets = as_array(np.ones(len(columns))), as_array(np.zeros(len(columns)))
     if before is not None:

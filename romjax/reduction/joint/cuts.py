@@ -78,6 +78,8 @@ class Cut(eqx.Module):
 
         turns = moving.poses.turn
         (omega, velocity), (change, rate) = (twists.split(x) for x in moving[3:])
+        # From the points of the bodies to the markers: v + ω × a, and
+        # v̇ + ω̇ × a + ω × (v + ω × a), as arms turn with their bodies.
         velocity = velocity + twists.about(omega, moving.arms)
         rate = rate + twists.about(change, moving.arms) + twists.about(omega, velocity)
         if d == 3:
@@ -175,6 +177,7 @@ def marker_motion(
     """The motion of `markers` on bodies of the tree, by their places."""
     motion, dtype = state.motion, state.z.dtype
     d, own = markers.points.shape[1], np.minimum(owners, tree.count).astype(np.uint32)
+    # The ground is one more row, a frame that stands still.
     upright = np.zeros((), dtype) if d == 2 else np.array([1, 0, 0, 0], dtype)
 
     def of_bodies(x: Array, ground: np.ndarray) -> Array:
@@ -198,6 +201,7 @@ def marker_motion(
         axes = of_bodies(motion.frames.axes, np.eye(d, dtype=dtype))
         each: Screws = screws_of(markers.local, bent, rates, lambda _, u: u)
         each = each.placed(axes, frame.position - points)
+        # The bending of the body carries its marker against the frame, and the frame carries both.
         leaving = each.velocity(rates)
         change = change + each.with_drift(twists.cross(moved, leaving))
         moved, columns = moved + leaving, each.columns

@@ -39,6 +39,7 @@ class Free(eqx.Module):
     def screws(self, z: Float[Array, " size"]) -> Float[Array, "rates twist"]:
         """The twists of the frame for unit rates, about the origin."""
         if self.size == 3:
+            # A unit turn about (x, y) moves the point of the body at the origin by (y, −x).
             moving = np.eye(3, dtype=z.dtype)[1:]
             return jnp.concatenate([moving, jnp.stack([jnp.ones_like(z[0]), z[1], -z[0]])[None]])
         return jnp.concatenate([np.eye(6, dtype=z.dtype)[3:], turns_at(z[:3])])

@@ -63,6 +63,7 @@ def edges(tree: Tree, z: Float[Array, " n"]) -> Edges:
         outer, inner, across = tree.still
     joint: Pose = in_order(tree, [_place(link, link.coordinates.take(z)) for link in tree.links])
     if joint.dimension == 2:
+        # From the parent to its port, across the joint, and from the port of the body back to it.
         turn = outer.turn + joint.turn - inner.turn
     elif across is not None:
         # Column by column: a sum of products would compute its sines again for each entry.
@@ -111,6 +112,7 @@ def frames(tree: Tree, between: Edges) -> Frames:
     axes = twists.axes(turns)
     outer, before = between.outer, _parents_axes(tree, axes)
     port = outer.position + twists.rotated(outer.axes, between.joint.position)
+    # From the frame of the parent to the port, and from there to that of the body.
     steps = twists.rotated(before, port) - twists.rotated(axes, between.inner.position)
     return Frames(along(tree, steps), turns, axes)
 
@@ -147,6 +149,8 @@ def tree_motion(tree: Tree, z: Float[Array, " n"], u: Float[Array, " rates"]) ->
     """The motion of the bodies at the coordinates z and the rates u."""
     between = edges(tree, z)
     place = frames(tree, between)
+    # Vectors of a branch are about the place of its first body, on which no result depends: arms
+    # are as short as the branch, however far that is from the origin.
     points = twists.stopped(take(place.position, np.array(tree.roots, np.uint32)))
     rates, own_arms = tree.motions.take(u), place.position - points
     before, arms = _parents_axes(tree, place.axes), of_parents(tree, place.position) - points
@@ -165,8 +169,12 @@ def tree_motion(tree: Tree, z: Float[Array, " n"], u: Float[Array, " rates"]) ->
     outer, inner = _halves(port_screws(tree, z, rates))
     outer, inner = outer.placed(before, arms), inner.placed(place.axes, own_arms)
     bending = rates[:, tree.freedoms :]
+    # From the parent to its port its own bending counts, then the joint, and the bending of the
+    # body backwards.
     leaving, arriving = outer.velocity(of_parents(tree, bending)), inner.velocity(bending)
     moved = along(tree, leaving + turning - arriving)
+    # The columns of each step turn with what carries them: derivatives of twists are cross products
+    # with the twist of that.
     held = of_parents(tree, moved)
     bias = outer.with_drift(twists.cross(held, leaving))
     carrying = _of_carriers(tree, held + leaving, moved + arriving)

@@ -38,6 +38,7 @@ def pull_back(tree: Tree, z: Coordinates, x: Rates) -> Coordinates:
     """The transpose of `rates_of`: forces on z that do the work of forces on the rates."""
     if not tree.spun.rows:
         return x
+    # Torques on ω become forces on p, by the transpose of ω = 2 E ṗ / s.
     forces = quaternions.generalized(tree.spun.take(z), tree.spins.take(x))
     return _coordinates(tree, tree.plain_rates.take(x), forces)
 

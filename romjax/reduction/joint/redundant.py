@@ -56,6 +56,7 @@ def rank_of_rows(system: Any) -> int | None:
     rank, freedoms = _rank(np.asarray(_rows(system, start)[1]))
     if rank == system.m:
         return None
+    # A fixed seed lets the same mechanism have the same rank each time.
     lot = np.random.default_rng(0)
     ranks = [rank]
     for _ in range(_DIRECTIONS if len(freedoms) else 0):
@@ -65,6 +66,8 @@ def rank_of_rows(system: Any) -> int | None:
             residual, slopes = map(np.asarray, _rows(system, q))
             if np.max(np.abs(residual)) <= _HELD * precision.of(q.dtype).projected:
                 break
+            # Levenberg–Marquardt with the square of the residual as its damping, which vanishes
+            # with it, so that the last steps are those of Gauss and Newton.
             left, values, across = np.linalg.svd(slopes, full_matrices=False)
             q = q - (left.T @ residual * values / (values**2 + residual @ residual)) @ across
         else:

@@ -86,6 +86,7 @@ def joint_screws(tree: Tree, z: Float[Array, " n"], rates: Float[Array, "bodies 
         if each is None:
             each = screws_of(functools.partial(along_joint, link), own, u, change)
         columns = twists.widened(each.columns, tree.freedoms)
+        # Held by its second marker a body moves against the twist that the joint has.
         sign = -1 if link.reversed else 1
         screws.append(Screws(sign * columns, None if each.drift is None else sign * each.drift))
     if any(each.drift is not None for each in screws):

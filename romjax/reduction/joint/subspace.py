@@ -64,6 +64,8 @@ class JointSubspace(AbstractReducedSystem):
         first = len(retained)  # of the new amplitudes
         r = first + shapes.shape[1]
         modes, dual = np.zeros((tree.n, r), given.dtype), np.zeros((r, tree.n), given.dtype)
+        # G is the identity on the joints and Φ on the amplitudes; its dual is Φᵀ M there, since
+        # ΦᵀMΦ = 1.
         modes[retained, np.arange(first)] = dual[np.arange(first), retained] = 1
         modes[amplitudes, first:], dual[first:, amplitudes] = shapes, shapes.T @ metric
         offset = np.zeros(tree.n, given.dtype)

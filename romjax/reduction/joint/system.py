@@ -155,6 +155,7 @@ def _signed(lift: TreeLift, q: Physical) -> TreeLift:
     z = plain.restrict(q)
     turns = np.array([row[3:7] for row in lift.tree.columns.rows])
     p, given = plain.position(z)[turns], q[turns]
+    # A quaternion and its opposite turn alike: the start says which of both it is.
     signs = jnp.where(jnp.sum(p * given, axis=1) < 0, -1, 1)
     signed = dataclasses.replace(lift, lengths=signs * jnp.sqrt(jnp.sum(given**2, axis=1)))
     if lift.counters is None:

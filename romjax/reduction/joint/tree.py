@@ -114,6 +114,8 @@ def plant(system: AssembledSystem, spanning: Spanning) -> Tree:
     grouped: dict[Any, list[int]] = {}
     for i, branch in enumerate(branches):
         link = branch.link
+        # Joints of one kind are stacked; those that hold bodies by their second markers are another
+        # kind, since their poses are inverted.
         key = None if link is None else (link.group, link.b == branch.body)
         grouped.setdefault(key, []).append(i)
     for key, members in grouped.items():
@@ -156,6 +158,7 @@ class _Coordinates:
         self.plain, self.plain_rates = list[int](), list[int]()
         own = list[tuple[list[int], list[int]]]()
         for (count, turns), bending in zip(freedoms, modes, strict=True):
+            # A quaternion has four coordinates, but the three rates of an angular velocity.
             z = self._take(count - 4 if turns else count)
             rates = list(z[1])
             coordinates = list(z[0])

@@ -31,6 +31,7 @@ class AffineLift(AbstractLift):
             return Motion(self.position(full, t, z), multiply(self.modes, w), self.modes, None)
         flat = self.offset + multiply(self.modes, z)
         columns = jnp.concatenate([self.modes, multiply(self.modes, w)[:, None]], axis=1)
+        # v is one more column, the last: the second derivative is along it.
         q, changes, bias = self.turns.normalised_motion(flat, columns)
         return Motion(q, changes[:, -1], changes[:, :-1], bias)
 

@@ -60,6 +60,7 @@ class ImplicitLift(AbstractLift):
         q, inverse = self._solve(full, t, z)
         dependent = jnp.asarray(chart.dependent, z.dtype)
         rows = chart.jacobian(full, t, q)
+        # The columns C_q Y Φ and C_t, which one matrix solves for: the tangent and the drives.
         right = [multiply(rows, self.modes), chart.drives(full, t, q)[:, None]]
         matrix = multiply(rows, dependent)
         solve = solve_by_similar
@@ -72,6 +73,7 @@ class ImplicitLift(AbstractLift):
         tangent = self.modes + follow[:, :-1]
         v = multiply(tangent, w) + follow[:, -1]
         constraint = functools.partial(chart.constraint, full)
+        # C̈ of the motion with unaccelerated q: what the bias has to take back.
         curvature = differentiate(constraint, t, q, v).curvature
         bias = -multiply(dependent, solve(matrix, inverse, curvature))
         return Motion(q, v, tangent, bias)
@@ -171,6 +173,7 @@ def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
 
         d, steps = jax.lax.scan(newton, own + lead, None, length=_FULL_STEPS)
         converged = steps[-1] <= precision.of(d.dtype).newton_accepted
+        # Without drives the guesses of the other system are as good as they were.
         d = jnp.where(converged & (lift.pace > 0), d, own)
         return d - own, d
 

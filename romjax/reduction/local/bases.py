@@ -51,6 +51,7 @@ class BodyBases(eqx.Module):
         pairs = [untraced(*pair) for pair in zip(stacked, metric, strict=True)]
         return cls(
             tuple(stacked),
+            # Modes are orthonormal in M_ff: z = Φᵀ M_ff q_f is the nearest one.
             tuple(as_jax(x.swapaxes(1, 2) @ y) for x, y in pairs),
             tuple(Index.of([columns[i] for i in group]) for group in groups),
             tuple(Index.of([narrow[i] for i in group]) for group in groups),

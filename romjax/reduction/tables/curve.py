@@ -97,6 +97,8 @@ class _Walk(NamedTuple):
         """Length and turn, if the last block of points passes the first one again."""
         last = slice(-BLOCK - 1, None)
         displacements = points.q[last] - points.q[0]
+        # Angles of parts that go round have advanced by multiples of 2π, all else comes back as it
+        # was.
         turns = 2 * np.pi * np.round(displacements / (2 * np.pi))
         left = displacements - turns
         metric = np.asarray(self.frames.metric)
@@ -121,6 +123,8 @@ class _Walk(NamedTuple):
             gap = float((points.q[count] - points.q[0] - turn) @ metric @ points.tangent[0])
             if abs(gap) <= _CLOSED * length:
                 break
+            # The gap along the tangent is shared by all steps, as Newton's method for the length
+            # does.
             step -= gap / count
         left = np.max(np.abs(points.q[count] - points.q[0] - turn))
         violated = np.abs(violations(self.system, self.frames.time, as_jax(points.q + turn)))
@@ -141,6 +145,8 @@ class _Walk(NamedTuple):
         back = self.points(Point(begin.q, -begin.tangent), step, _MOST * BLOCK)
         q = np.concatenate([back.q[:0:-1], forth.q])
         root = np.linalg.cholesky(np.asarray(self.frames.metric))
+        # Squared distances |q|² − 2 q · s + |s|² without the last term, which all nodes have in
+        # common.
         far = np.sum((q @ root) ** 2, 1)[:, None] - 2 * (q @ root) @ (snapshots @ root).T
         nearest = np.argmin(far, axis=0)
         margin = 1 + int(np.ceil(_MARGIN * np.ptp(nearest)))

@@ -76,6 +76,7 @@ class Frames(eqx.Module):
         own = np.array(self.numbers)
         rows = jacobian(system, self.time, q)[np.array(self.rows)][:, own]
         normals = multiply(along.T, self.metric)[:, own]
+        # The columns of the inverse solve C_q Δq = c and Aᵀ M₀ Δq = s, for units of c and of s.
         inverse = jnp.linalg.inv(jnp.concatenate([rows, normals]))
         columns = jnp.zeros((q.size, own.size), q.dtype).at[own].set(inverse)
         return columns[:, : len(rows)], columns[:, len(rows) :]
@@ -127,6 +128,7 @@ def advance(system: AbstractSystem, frames: Frames, point: Point, step: Array) -
         second = slope(q + step / 2 * first, first)
         third = slope(q + step / 2 * second, first)
         fourth = slope(q + step * third, first)
+        # The classical method of Runge and Kutta.
         mean = (first + 2 * second + 2 * third + fourth) / 6
         q = frames.project(system, q + step * mean, mean[:, None])
         new = Point(q, slope(q, first))

@@ -19,8 +19,9 @@ from ..charts.survey import jacobians
 from .frames import Frames, violations
 from .interpolation import SIDE, evaluate, patches
 
-# The order in which the error of accelerations between the nodes falls. Where twice as many nodes
-# do not halve it, rounding is what is left.
+# The order in which the error of accelerations between the nodes falls: polynomials of degree seven
+# err by h⁸, and their second derivatives by h⁶. Where twice as many nodes do not halve it, rounding
+# is what is left.
 _ORDER = 6
 # The most nodes by the number of freedoms: a table of two has eight times as many numbers for each
 # node.
@@ -157,6 +158,7 @@ def check(
     constraints change with time, or come to a singular position.
     """
     now = np.asarray(violations(system, frames.time, q))
+    # These two have no period in common: a drive that is back after one is not after the other.
     for later in (1.0, np.e):
         if np.max(np.abs(violations(system, frames.time + later, q) - now)) > CLOSED:
             raise UnsuitedError(

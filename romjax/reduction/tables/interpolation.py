@@ -18,7 +18,7 @@ _SMOOTH = 3
 
 @functools.cache
 def _weights() -> np.ndarray:
-    """Values and derivatives (13, 4, 13) at each node of a window, from the values in it."""
+    """Values and derivatives (11, 4, 11) at each node of a window, from the values in it."""
     # Here, since scipy.interpolate takes long to load and few ask for tables.
     from scipy.interpolate import BarycentricInterpolator
 
@@ -53,6 +53,8 @@ def polynomials(values: Float[Array, "P *c"], periodic: bool = False) -> Float[A
     differences = values[windows] - values[:, None]
     weights = jnp.asarray(_weights()[within], values.dtype)
     derivatives = jnp.einsum("psw,pw...->ps...", weights, differences)
+    # Derivatives at the end of an interval are of differences to that end; its value is taken
+    # against the start, as that of the start is.
     last = derivatives[1:].at[:, 0].add(jnp.diff(values, axis=0))
     ends = jnp.concatenate([derivatives[:-1], last], axis=1)
     hermite = jnp.asarray(_hermite(), values.dtype)
@@ -100,6 +102,7 @@ def _horner(
     """A polynomial and its first two derivatives, by Horner's scheme."""
     third, second, first, *others = coefficients
     value, slope, half = (third * u + second) * u + first, 2 * third * u + second, third
+    # Synthetic division three times over: `half` is half of the second derivative.
     for row in others:
         half = half * u + slope
         slope = slope * u + value

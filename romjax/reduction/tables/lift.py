@@ -73,6 +73,7 @@ class TableLift(AbstractLift):
         along = jnp.stack([multiply(one, slope) for slope in slopes], axis=1)
         tangent = jnp.concatenate([along, multiply(table.T, by_amplitude)], axis=1)
         bend = jnp.einsum("i,j,ijcn->cn", w[:d], w[:d], bends)
+        # By the product rule on μ(δ(t)) · T(s(t)) with unaccelerated z.
         bias = multiply(one, bend)
         if self.modes.shape[1]:
             slope = jnp.einsum("i,icn->cn", w[:d], slopes)
@@ -81,6 +82,7 @@ class TableLift(AbstractLift):
 
     def restrict(self, full: AbstractSystem, q: Physical, v: Physical) -> tuple[Reduced, Reduced]:
         d, amplitudes = self.frames.freedoms, self._amplitudes(q)
+        # Frames are compared where bodies are undeformed, since nodes are configurations of these.
         start = self._of_nearest(q - multiply(jnp.asarray(self.modes), amplitudes))
         zero = jnp.zeros(d + len(amplitudes), q.dtype)
 
@@ -120,6 +122,7 @@ class TableLift(AbstractLift):
         rounds = jnp.zeros(len(inner), q.dtype)
         if turn is not None:
             size = jnp.sum(turn**2)
+            # The number of rounds is that which brings q nearest to the node along the turn.
             rounds = jnp.round((q[None] - inner) @ turn / jnp.where(size > 0, size, 1))
             inner = inner + rounds[:, None] * turn[None]
         left = q[None] - inner
@@ -138,6 +141,7 @@ class TableLift(AbstractLift):
         shares = s / steps
         intervals = jnp.floor(shares)
         rounds = jnp.zeros_like(s) if turn is None else jnp.floor(intervals / counts)
+        # After whole rounds of a closed curve the same intervals come again.
         numbers = intervals - rounds * counts
         if turn is None:
             shares = jnp.where((numbers >= 0) & (numbers < counts), shares, jnp.nan)

@@ -72,6 +72,7 @@ def trace_surface(
         every = np.broadcast_to(along, (*shape, 2))
         return Grid(as_jax(q.reshape(shape)), as_jax(every), as_jax(steps), None)
 
+    # The rectangle has grown by this share of itself at each end, where errors do not count.
     margin = _MARGIN / (1 + 2 * _MARGIN)
     return refined(system, frames, make, _FIRST, goal, margin=margin)
 
@@ -119,6 +120,7 @@ def _ways(
 
         def newton(q: Array, wanted: Array) -> Array:
             correction, tangents = frames.slice(system, q, along)
+            # Along the tangents to the wanted coordinates, and across them back to C = 0.
             displacement = multiply(tangents, wanted - multiply(read, q))
             return q + displacement - multiply(correction, frames.violation(system, q))
 
