@@ -53,6 +53,7 @@ def _told(call: Callable[[], T]) -> tuple[T | None, int]:
         return None, 2
     except KeyboardInterrupt:
         print("romjax: interrupted", file=sys.stderr)
+        # Shells say so of a program that the signal 2 has ended: 128 and its number.
         return None, 130
 
 

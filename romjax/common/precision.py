@@ -36,7 +36,7 @@ class Precision:
 
 
 _DOUBLE = Precision(
-    # As much as a run at rtol = 1e-8 errs by anyway.
+    # A run at rtol = 1e-8 errs by as much anyway.
     start_tolerance=1e-8,
     # Rounding of coordinates of some hundred metres, and of constraints of some hundred terms.
     projected=1e-10,

@@ -59,6 +59,7 @@ def make_room() -> None:
     if share > _SHARE:
         forget_all()
         share = fills()
+    # A fifth is left to other libraries.
     _next.fitting = min(int((0.8 - share) / _LARGEST), _MOST) - 1
 
 

@@ -58,6 +58,7 @@ class Factors:
             numbers = ", ".join(literal(value) for value in values)
             text = f"double {a}[{n * n}] = {{{numbers}}}; long {q}[{n}], {r}[{n}]; "
             loops = _LU.format(n=n, a=a, p=q, r=r)
+            # An elimination of n rows takes about n³ / 3 products.
             writer.line(text + loops, (a, q, r), uses_of(values), n**3 // 3)
             for out, name, kind in ((factors, a, "f"), (pivots, q, "i"), (orders, r, "i")):
                 part = out[at]

@@ -94,6 +94,7 @@ class NativeRuns:
         start = 0 if x0 is None else x0.ctypes.data
         run = self.library(asked.stiff, False).model_run
         head = start, begin + 24, ts.ctypes.data, k, begin, begin_counts
+        # Addresses count bytes, eight for each number.
         run(*head, *(begin + 8 * end for end in ends[:-1]), begin_counts + 8 * len(counts), None)
         q, v, x = (room[ends[i] : ends[i + 1]].reshape(k, widths[i]) for i in range(3))
         violation = room[ends[3] :]

@@ -119,7 +119,7 @@ class Builder:
         if brought is not None and "position" in table:
             self._fail((*place, "position"), "The body has a `place` too; give one of both.")
         body: AbstractBody = self._part(place, AbstractBody, {"name": name} | table)
-        # Of a dimension that is not that of the file, `scene` tells: its markers have another, too.
+        # A body of another dimension than the file's stays as it is here, since `scene` refuses it.
         if brought is None or body.dimension != self.tables.get("dimension", 2):
             return body
         to = self._pose((*place, "place", "at"), brought["at"])

@@ -93,6 +93,7 @@ class _Move(NamedTuple):
             # A quaternion and its opposite are one turn.
             one, other = (x[3:7] / np.linalg.norm(x[3:7]) for x in (q, p))
             apart = min(float(np.linalg.norm(one - sign * other)) for sign in (1, -1))
+            # Unit quaternions that a turn φ takes from one to the other are 2 sin ¼φ apart.
             turn = 4 * float(np.arcsin(min(1.0, apart / 2)))
         turn = float(np.degrees(turn))
         share = max(distance / (_FAR * length), turn / _TURNED)

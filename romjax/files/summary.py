@@ -93,6 +93,7 @@ def _repeats(scene: Scene, system: AbstractSystem, q: Array) -> dict[str, int]:
     basis, counts, row = np.zeros((0, system.n)), Counter[str](), 0
     for joint in scene.joints:
         for _ in range(joint.rows):
+            # A row of zeros stays one, and counts as repeated.
             own = rows[row] / max(float(np.linalg.norm(rows[row])), 1e-300)
             left = own
             for _ in range(2):  # the second takes out what rounding leaves

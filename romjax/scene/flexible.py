@@ -164,6 +164,7 @@ def _frame(body: AbstractBody, ends: np.ndarray) -> Pose:
         turn: Any = math.atan2(along[1], along[0])
     else:
         up = np.array([0.0, 0.0, 1.0])
+        # Along z itself nothing is left of it across the axis; y takes its place within 26 degrees.
         up = up if abs(along @ up) < 0.9 else np.array([0.0, 1.0, 0.0])
         across = np.cross(up, along)
         across /= np.linalg.norm(across)

@@ -11,7 +11,7 @@ from .counted_angle import counted_angle
 from .fields import check_choice
 from .marker import Pose
 
-# Of marker `a` against `b`:
+# The motions of marker `a` against `b` are these:
 # - "angle": about the z axis, with full turns; "bounded angle": the same between −π and π, for
 #   hinges with stops, which need no counter in space;
 # - "travel": along the axis on which joints slide, z in space and x in the plane;
@@ -38,6 +38,7 @@ TURN = "turn"
 LENGTHS = ("travel", "distance")
 # The sine of the second of three angles up to which they are told apart, that of 87 degrees.
 _STEEP = 0.9986
+# What is added to the sine of half of a whole rotation, far below any angle at which stops act.
 _LITTLE = 1e-9
 
 
@@ -62,7 +63,8 @@ def moved(motion: str, *poses: Pose) -> Float[Array, ""]:
 
 def _turned(motion: str, r: Float[Array, "3 3"]) -> Float[Array, ""]:
     """An angle of the rotation R = X(θ₁) Y(θ₂), or X(θ₁) Y(θ₂) Z(θ₃) of three."""
-    # These entries do not mix the angles.
+    # These entries do not mix the angles. Of three, r₀₂ = sin θ₂, and the cosine of θ₂ is a factor
+    # of both numbers of each of the others.
     if motion == "1 of 2":
         return jnp.arctan2(r[2, 1], r[1, 1])
     if motion == "2 of 2":

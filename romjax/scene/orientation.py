@@ -99,8 +99,11 @@ def _to_axis(owner: str, axis: Float[Array, "..."]) -> Float[Array, "4"]:
     (a,) = untraced(axis)
     xp = namespace(a)
     length = xp.sqrt((a**2).sum())
+    # The sum of the unit quaternion and of that of twice the way, (a_z, z × a) / |a|, lies half way
+    # between both.
     turned = xp.stack([length + a[2], -a[1], a[0], xp.zeros_like(length)])
-    # To the opposite direction any half turn across z is as short.
+    # To the opposite direction any half turn across z is as short. Nearer to it than this, half of
+    # the digits of |a| + a_z are rounding.
     return as_array(xp.where(turned[0] > 1e-8 * length, turned, np.array([0.0, 1.0, 0.0, 0.0])))
 
 

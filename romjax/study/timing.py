@@ -72,6 +72,8 @@ def _are_known(times: np.ndarray) -> bool:
     """
     values = np.concatenate([times, times[:, :1] / times], axis=1)
     low, median, high = np.percentile(values, [25, 50, 75], axis=0)
+    # The quartiles of a normal distribution are 1.349 standard deviations apart, and its median, of
+    # n values, has the standard error √(π / 2n) of them.
     deviation = (high - low) / 1.349
     errors = np.sqrt(np.pi / 2 / len(values)) * deviation
     return bool(np.all(errors <= _KNOWN * median))

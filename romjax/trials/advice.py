@@ -95,6 +95,7 @@ def advice(
         return f"Nothing pays here: {why or _reason(rows, full, facts, tol)}"
     best = good[0]
     kind = _KINDS.get(best.formulation, "") if best.rank else _KINEMATICS
+    # Less than this is printed as one run.
     pays = f"{best.pays_after:.0f} runs" if best.pays_after >= 1.5 else "one run"
     where = "where it was not trained"
     if not judged:

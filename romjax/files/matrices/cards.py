@@ -75,5 +75,7 @@ def _fields(line: str) -> tuple[str, list[str]]:
         count = 4 if first.endswith("*") else 8
         return first, (fields + [""] * count)[:count]
     first = line[:8].strip()
+    # Nastran has cards of ten columns of eight characters, or with an asterisk of four wide ones of
+    # sixteen between the first and the last.
     count, width = (4, 16) if "*" in first else (8, 8)
     return first, [line[8 + i * width : 8 + (i + 1) * width].strip() for i in range(count)]

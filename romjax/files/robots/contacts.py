@@ -91,7 +91,7 @@ def _listed(model: Model, words: str, pairs: list[Pair]) -> str:
     return f"{place}: {words}: '{first}' and '{second}'{others}"
 
 
-# Which geoms may touch.
+# The choice of geoms that may touch.
 
 
 def _pairs(model: Model) -> Iterator[Pair]:
@@ -140,6 +140,7 @@ def _meeting(model: Model) -> np.ndarray:
         carries = (parent[:, None] == body[None, :]) & (body[:, None] > 0) & (body[None, :] > 0)
         meets &= ~(carries | carries.T)
     low, high = np.minimum(own[:, None], own[None, :]), np.maximum(own[:, None], own[None, :])
+    # MuJoCo keeps an excluded pair as one number, the lower body in its upper 16 bits.
     return np.array(meets & ~np.isin((low << 16) + high, arrays.exclude_signature))
 
 
@@ -155,6 +156,7 @@ def _combined(model: Model, first: int, second: int) -> Pair:
     priority = arrays.geom_priority[geoms]
     if priority[0] != priority[1]:
         geoms = [geoms[int(np.argmax(priority))]]
+    # mjMINVAL in place of zeros lets two of these count alike.
     weights = np.maximum(arrays.geom_solmix[geoms], 1e-15)
     weights = weights / np.sum(weights)
     solref = arrays.geom_solref[geoms]
@@ -164,6 +166,7 @@ def _combined(model: Model, first: int, second: int) -> Pair:
         model,
         (first, second),
         int(np.max(arrays.geom_condim[geoms])),
+        # A pair has five: sliding in two directions, pivoting, and rolling about two.
         friction[[0, 0, 1, 2, 2]],
         weights @ solref if given else np.min(solref, axis=0),
         weights @ arrays.geom_solimp[geoms],
@@ -249,7 +252,8 @@ def _of_ball(
         depth = _DEPTH * model.size
         weight = held(stiffness, pair.solimp, depth)
     # Hertz's law k δ^(3/2) is made to hold the weight at the same depth as MuJoCo's, and to be
-    # damped alike there.
+    # damped alike there. At the depth δ of a weight w, a unit of mass has the stiffness
+    # ω² = 3/2 w/δ and the damping D w = 2 ζ ω, which gives D = 2 ζ √(3/2 / (w δ)).
     friction = float(pair.friction[0]) if pair.dimension > 1 else 0.0
     return Contact(
         ball,

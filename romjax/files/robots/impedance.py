@@ -47,6 +47,7 @@ def resting_depth(stiffness: float, solimp: np.ndarray, weight: float) -> float:
     low, high = 0.0, weight / stiffness
     while held(stiffness, solimp, high) < weight:
         high *= 2
+    # These are more halvings than the digits of a double allow, whatever the bracket is.
     for _ in range(100):
         middle = 0.5 * (low + high)
         enough = held(stiffness, solimp, middle) >= weight

@@ -10,7 +10,7 @@ from ...scene.placement import Placement
 _SMALL = 0.05
 # Other bodies without a geom have a smallest edge of this share of the largest.
 _THIN = 0.1
-# By the numbers that MuJoCo gives to the shapes: spheres, capsules, ellipsoids, cylinders, boxes.
+# MuJoCo has these numbers for spheres, capsules, ellipsoids, cylinders and boxes.
 _SHAPES = (2, 3, 4, 5, 6)
 # A way along the edges of a box, by its corners.
 _WAY = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)

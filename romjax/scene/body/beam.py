@@ -181,6 +181,7 @@ class Beam(AbstractBody):
         return self.invariants().matrix(q)
 
     def elastic_energy(self, q: Float[Array, " size"]) -> Float[Array, ""]:
+        # Modes are mass-normalised, so that squares of frequencies are their stiffness.
         return 0.5 * jnp.sum((self.natural_frequencies() * q[3:]) ** 2)
 
     def damping_force(self, v: Float[Array, " size"]) -> Float[Array, " size"]:
@@ -267,6 +268,7 @@ class Beam(AbstractBody):
         if self.inertia is None or not self.modes or self._shapes in FREE:
             return
         excess = concrete(self.inertia - self.mass * self.length**2 / 12)
+        # A thin bar that is given by its own m L²/12 may be less than that by rounding.
         if excess is not None and excess < -1e-9 * abs(self.inertia):
             raise SceneError(
                 f"{owner}: inertia is {self.inertia}, {-excess:g} less than that of a thin bar, "

@@ -58,6 +58,7 @@ class CappedBody(AbstractWrappedBody):
 
     def mass_matrix(self, q: Float[Array, " size"]) -> Float[Array, "size *size"]:
         own = self.body.mass_matrix(q)
+        # Modes have unit mass: μ − 1 on the diagonal makes ω² / μ the square of the cap.
         added = jnp.concatenate([jnp.zeros(self.frame_size, q.dtype), self.excess**2 - 1])
         return own + (added if own.ndim == 1 else jnp.diag(added))
 

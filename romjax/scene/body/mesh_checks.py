@@ -52,6 +52,8 @@ class _Fields(NamedTuple):
         made = np.zeros((len(self.size), len(pairs)))
         for axis, (i, j) in enumerate(pairs):
             skew = np.zeros((d, d))
+            # A rotation about the axis is a shear of the places and a turn of the nodes in their
+            # places.
             skew[i, j], skew[j, i] = -1, 1
             made[self.gradients, axis] = (skew @ places).ravel()
             made[self.gradients.stop + axis :, axis][:1] = 1
@@ -106,6 +108,8 @@ def _fields(stiffness: Matrix, mass: Matrix, positions: np.ndarray, rows: np.nda
 def _check_translations(owner: str, stiffness: Matrix, rows: np.ndarray, fields: _Fields) -> None:
     """Check that translations of the free body strain nothing, wherever the nodes are."""
     d, own = fields.dimension, np.diag(fields.stiffness)
+    # Strains of unit gradients, over the square of the size of the body, are forces per length as
+    # those of translations.
     elastic = np.sum(own[d:]) / max(fields.radius**2, np.finfo(float).tiny)
     excess = own[:d] - STRAIN**2 * elastic - ROUNDING * fields.size[:d]
     axis = int(np.argmax(excess))
@@ -186,6 +190,7 @@ def _check_mass(owner: str, fields: _Fields) -> None:
             "rows of each node; mass that moves along one axis only cannot be in it."
         )
     if d == 3:
+        # Momenta of unit rotations are −m c̃, which is skew for one centre c.
         arm = fields.mass[:d] @ fields.turning(np.eye(d))
         if np.max(abs(arm + arm.T)) > MASS * mass * fields.radius:
             raise SceneError(

@@ -101,6 +101,8 @@ def slow_enough(
     fields = around.reshape(len(elastic), -1)
     norms = np.sum(fields * (mass @ fields), axis=0).reshape(around.shape[1:]).sum(axis=0)
     missing = abs(1 - norms / (dimension - 1))
+    # An error of Ω² times `missing` in ω² is a hundredth of ω where it is two hundredths of ω².
+    # Where nothing is missing any angular velocity will do.
     return float(np.min(frequencies * np.sqrt(2e-2 / np.maximum(missing, 1e-12))))
 
 

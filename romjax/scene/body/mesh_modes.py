@@ -55,6 +55,7 @@ def mesh_modes(
         # Signs, and directions of equal frequencies, hang on the processor: turned as in the body.
         ends = np.flatnonzero(np.diff(mesh.frequencies) > _ALIKE * mesh.frequencies[1:]) + 1
         for own in np.split(np.arange(len(turn)), ends):
+            # The rotation nearest to what takes one set of shapes to the other (Procrustes).
             left, _, right = np.linalg.svd(found[:, own].T @ wanted[:, own])
             turn[np.ix_(own, own)] = left @ right
         # A mesh with K times a number has the same shapes.

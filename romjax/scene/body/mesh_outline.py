@@ -32,7 +32,9 @@ def outline(positions: np.ndarray) -> np.ndarray:
 def _edges(positions: np.ndarray) -> np.ndarray:
     import scipy.spatial
 
-    # Directions on a spiral, which has none of a mesh's symmetries, so that no two nodes tie.
+    # Directions on a spiral, which has none of a mesh's symmetries, so that no two nodes tie. Equal
+    # steps of height cut zones of equal area from a sphere, and the golden angle, π (3 − √5), turns
+    # from each to the next.
     height = 1 - (2 * np.arange(DIRECTIONS) + 1) / DIRECTIONS
     angle = np.pi * (3 - 5**0.5) * np.arange(DIRECTIONS)
     across = np.sqrt(1 - height**2)

@@ -45,6 +45,8 @@ class Port(NamedTuple):
     def follow(self, elastic: np.ndarray) -> np.ndarray:
         """Displacement and rotation of the port, (3 or 6, modes), by displacements (n, modes)."""
         motions = np.zeros((3 * (len(self.centre) - 1), elastic.shape[1]))
+        # The rigid motion that is nearest to that of the nodes, in the mean square; its transpose
+        # below shares loads so that they do the same work.
         motions[: self.motion.shape[1]] = np.linalg.pinv(self.motion) @ elastic[self.rows]
         return motions
 
@@ -138,6 +140,7 @@ def tie(owner: str, ports: list[Port], size: int) -> tuple[Matrix, np.ndarray]:
             )
         taken[port.rows] = True
     free = np.flatnonzero(~taken)
+    # Free rows stay as they are; the rows of a rigid port follow its three or six motions.
     entries, down, along, count = [np.ones(len(free))], [free], [np.arange(len(free))], len(free)
     for port in held:
         width = port.motion.shape[1]

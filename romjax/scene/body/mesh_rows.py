@@ -33,6 +33,7 @@ def rows_of(
             f"as {own}. Give dofs, (nodes, {widths[0]}) or (nodes, {widths[1]}), with −1 for the "
             "rotations of nodes without; rows that are in none of them are modal coordinates."
         )
+    # Rotations may be missing, all of a node at once, and never its displacements.
     absent = np.sum(rows < 0, axis=1)
     partly = (absent > 0) & ((absent != rows.shape[1] - dimension) | (rows[:, 0] < 0))
     if np.any(partly):

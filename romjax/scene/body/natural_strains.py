@@ -87,6 +87,7 @@ def _vibrations(
         factor * (own[:points].T * w[None]) @ own[:points]
         for own, factor in zip(jacobian, (1.0, 1.0, ratios.rotary), strict=True)
     )
+    # Legendre polynomials are orthogonal, ∫P_k² dξ = 1 / (2k + 1); rigid motion has no stiffness.
     stiffness = [
         np.zeros(3),
         *(

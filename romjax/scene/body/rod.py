@@ -197,6 +197,7 @@ class Rod(AbstractRod):
 
     def _elastic(self, amplitudes: Float[Array, " modes"]) -> Float[Array, " modes"]:
         own = self.strains
+        # ½ ∫EI κ² ds = ½ EI/L ∫(κ L)² dξ; stretch and shear have L in place of 1/L.
         total = self.EI / self.length * own.bending
         for factor, gram in ((self.EA, own.pulling), (self.GA, own.shearing)):
             if factor is not None and gram is not None:

@@ -89,6 +89,8 @@ class AbstractRod(AbstractBendingBody):
         if self.retardation is not None:
             force -= self.retardation * self._elastic(rates)
         if self.damping is not None:
+            # Natural modes have unit modal mass in units of m L², as amplitudes are angles: ω²
+            # follows with EI / (m L³), and damping is 2 ζ ω times the mass.
             squares = own.squares * self._unit_stiffness / (self.mass * self.length**3)
             factors = 2 * self.damping * jnp.sqrt(squares) * self.mass * self.length**2
             if own.mixing is None:

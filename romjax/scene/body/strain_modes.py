@@ -65,6 +65,7 @@ class Vibrations(NamedTuple):
         # The inverse problem, shifted by the rigid motion, gives the slow modes accurately.
         half = xp.linalg.inv(xp.linalg.cholesky(stiffness + mass))
         inverse, vectors = xp.linalg.eigh(half @ mass @ half.T)
+        # Motions that supports leave rigid have the largest eigenvalues, and are no shapes.
         free = max(rigid - len(held), 0)
         chosen = np.arange(len(mass))[::-1][free : free + count]
         inverse, vectors = inverse[chosen], vectors[:, chosen]

@@ -25,8 +25,8 @@ from ..outline import Outlines, linked
 class AbstractEffect(eqx.Module):
     """Anything that contributes to the generalized force Q."""
 
-    # Those of its markers, by their numbers, whose positions are all that it asks for: it never
-    # asks how they are turned, nor turns them.
+    # The numbers of its markers whose positions are all that it asks for: it never asks how these
+    # are turned, nor turns them.
     at_points: ClassVar[tuple[int, ...]] = ()
     # Whether pictures hatch the ground at a marker on it.
     hatched: ClassVar[bool] = False

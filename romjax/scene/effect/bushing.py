@@ -134,6 +134,7 @@ def _check_matrix(owner: str, field: str, matrix: Array, size: int) -> None:
             f"{owner}: the matrix {field} is not symmetric; no potential has it.", field=field
         )
     values = known if known.ndim == 1 else np.linalg.eigvalsh(known)
+    # Eigenvalues that are zero are found within rounding of the largest.
     if np.min(values) < -1e-9 * np.max(np.abs(values)):
         raise SceneError(
             f"{owner}: {field} has the eigenvalue {np.min(values):g}, but none may be negative.",

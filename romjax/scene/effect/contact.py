@@ -182,7 +182,8 @@ class _Pressed(AbstractMarkerEffect):
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         gap, _, wrenches = displacement(self.contact.room, poses, ())
-        # Twice as deep it is 1.2 times as fast.
+        # Its stiffness is the slope of k δ^(3/2) at that depth; twice as deep it is 1.2 times as
+        # fast.
         spring = wrenches(-1.5 * _DEPTH**0.5 * self.contact.stiffness * gap)
         own = self.contact.wrenches(t, poses, twists)
         chosen: Wrenches = jax.tree.map(partial(jnp.where, self.pressed), spring, own)

@@ -27,6 +27,7 @@ class Drag(AbstractDissipation):
     at: Marker
     coefficient: Converted[Float[Array, ""]] = number()
     area: Converted[Float[Array, ""]] = number()
+    # Air at 15 °C and 1013 hPa, as the standard atmosphere has it at sea level.
     density: Converted[Float[Array, ""]] = number(default=1.225)
     at_points: ClassVar[tuple[int, ...]] = (0,)
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)

@@ -56,6 +56,7 @@ class HydraulicCylinder(AbstractStateEffect):
     supply: Converted[Float[Array, ""]] = number()
     flow: Converted[Float[Array, ""]] = number()
     dead_volume: Converted[Float[Array, ""]] = number()
+    # The return and both chambers begin at one bar, about the pressure of the air.
     tank: Converted[Float[Array, ""]] = number(default=1e5)
     bulk: Converted[Float[Array, ""]] = number(default=1.6e9)
     leakage: Converted[Float[Array, ""]] = number(default=0.0)

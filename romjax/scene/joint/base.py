@@ -41,8 +41,8 @@ class AbstractJoint(eqx.Module):
     dimensions: ClassVar[tuple[int, ...]] = (2,)
     # Pairs of its markers, by their numbers, in space whose angle counts full turns.
     counted: ClassVar[tuple[tuple[int, int], ...]] = ()
-    # Those of its markers, by their numbers, whose positions are all that it asks for: it never
-    # asks how they are turned, nor turns them.
+    # The numbers of its markers whose positions are all that it asks for: it never asks how these
+    # are turned, nor turns them.
     at_points: ClassVar[tuple[int, ...]] = ()
     # Whether pictures hatch the ground at a marker on it.
     hatched: ClassVar[bool] = True

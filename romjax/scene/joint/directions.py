@@ -75,6 +75,7 @@ def angle_about_z(a: Pose, b: Pose) -> Float[Array, ""]:
     As `Pose.angle_against`, but smooth at a half turn too, up to full turns.
     """
     relative = quaternions.product(quaternions.conjugate(b.turn), a.turn)
+    # p and −p turn alike; of both the one with w ≥ 0 has an angle between −π and π.
     w, z = jnp.where(relative[0] < 0, -1, 1) * relative[np.array([0, 3])]
     return 2 * jnp.arctan2(z, w)
 

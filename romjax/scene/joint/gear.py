@@ -92,6 +92,7 @@ class Gear(AbstractJoint):
             angle_a = counted_angle(a, bearing_a, counter_a)
             angle_b = counted_angle(b, bearing_b, counter_b)
         else:
+            # In the plane angles are coordinates, which count full turns by themselves.
             angle_a, angle_b = a.angle, b.angle
             # Against the arm that carries the wheels, as in a planetary gear.
             if others:
@@ -138,6 +139,8 @@ class Gear(AbstractJoint):
     def check_among(self, joints: Sequence[AbstractJoint]) -> None:
         for turning, bearing, name in self._bearings():
             carriers = _carriers(turning, joints)
+            # A wheel on a moving arm that is counted against the ground is off by the turn of the
+            # arm.
             if bearing is None and carriers and GROUND not in carriers:
                 raise SceneError(
                     f"{self.owner()}: '{turning.body}' turns on '{carriers[0]}', but its angle is "

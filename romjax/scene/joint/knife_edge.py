@@ -30,6 +30,7 @@ class KnifeEdge(AbstractSlipJoint):
     def slip(self, poses: Poses, twists: Twists) -> Float[Array, "1"]:
         (a, b), (of_a, of_b) = poses, twists
         arm = a.position - b.position
+        # The point of `b` that is under `a` moves with the turning of `b` too.
         turned = of_b.angular_velocity * perpendicular(arm)
         velocity = of_a.velocity - of_b.velocity - turned
         across = jnp.cos(a.angle) * velocity[1] - jnp.sin(a.angle) * velocity[0]

@@ -49,6 +49,7 @@ class PointOnLine(AbstractJoint):
 
     def screws(self, z: Float[Array, " freedoms"]) -> Float[Array, "rates twist"]:
         if self.b.dimension == 2:
+            # A turn about (z, 0) moves the point of `a` at the origin of `b` by −z along y.
             turning = jnp.stack([jnp.ones_like(z[0]), jnp.zeros_like(z[0]), -z[0]])
             return jnp.stack([np.eye(3, dtype=z.dtype)[1], turning])
         place = jnp.pad(z[:1], (2, 0))

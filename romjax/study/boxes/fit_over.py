@@ -107,6 +107,7 @@ def fit_over(
             break
         one = search.full(trial)
         count += 1
+        # A model that promises nothing has no gain to be measured by; any fall exceeds it.
         gain = (best.misfit - one.misfit) / max(best.misfit - promised, 1e-300)
         # A failed run has no misfit: what compares with it is false.
         radius = radius / 4 if not gain > _POOR else 2 * radius if gain > _GOOD else radius

@@ -32,6 +32,7 @@ DECAY = 20.0
 # each other.
 _DEPENDENT = 1e-13
 _SWEEPS = 3
+# A run in fixed steps has no tolerance; the error beside it takes that of `simulate`.
 _USUAL = 1e-6
 
 Physical = Float[Array, " n"]

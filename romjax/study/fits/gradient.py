@@ -134,6 +134,8 @@ def _extrapolated(quotients: np.ndarray) -> Any:
     for order in range(1, len(quotients)):
         finer, coarser = row[:-1], row[1:]
         with np.errstate(invalid="ignore"):
+            # Quotients for h and 2h err by c h^2k and 4ᵏ c h^2k: this combination is without that
+            # term.
             row = finer + (finer - coarser) / (4**order - 1)
             apart = np.maximum(np.abs(row - finer), np.abs(row - coarser))
         apart = np.where(np.isfinite(apart), apart, np.inf)

@@ -122,6 +122,8 @@ class Beam(AbstractFlexibleBody):
         check_section(name, section)
         size, area = as_array(length), section.area
         about = jnp.stack([section.second_moment_y, section.second_moment])
+        # Moments of inertia per density and length: the polar one about the axis, and those of a
+        # bar and of its section about y and z.
         moments = jnp.stack([jnp.sum(about), *(area * size**2 / 12 + about)])
         stiffness: dict[str, Any] = {"EI": modulus * about}
         if options.get("torsion"):
@@ -162,6 +164,8 @@ class Beam(AbstractFlexibleBody):
 
     def _frequencies(self) -> Float[Array, " modes"]:
         """√(stiffness) of the modes, mass-normalised but for rotary inertia."""
+        # ω² = EI ∫w''² dξ / (m L³) of bending, GJ ∫θ'² dξ / (J_x L) of torsion and
+        # EA ∫u'² dξ / (m L) of extension, for modes with ∫p² dξ = 1.
         bend = self.mass * self.length**3
         kinds = (
             (2, None if self.EI is None else self.EI[1], bend),
@@ -248,6 +252,7 @@ class Beam(AbstractFlexibleBody):
         """The axis has the inertia of a thin bar, at least, and its sections what is left."""
         inertia, mass, length = untraced(self.inertia, self.mass, self.length)
         excess = concrete(inertia[1:] - mass * length**2 / 12)
+        # A thin bar that is given by its own m L²/12 may be less than that by rounding.
         if excess is not None and np.min(excess) < -1e-9 * np.max(np.abs(self.inertia)):
             raise SceneError(
                 f"{owner}: inertia is {self.inertia}, {-np.min(excess):g} less than that of a thin "

@@ -44,6 +44,8 @@ def beam_inertia(
         stretched = 2 * np.einsum("i,i,ik->k", weights, nodes - 0.5, moved[:, 0])
         terms["stretch"] = jnp.sqrt(mass) * length * (across[:, :, None] * stretched[None, None])
     if foreshortens:
+        # Of a series in Legendre polynomials of 2ξ − 1 the mean is the first coefficient, and the
+        # integral times ξ − ½ a sixth of the second.
         mean, lever = foreshortening(counts)[:2] * np.array([1, 1 / 6])[:, None, None]
         terms["spread"] -= across[:, :, None, None] * lever[None, None]
         terms["foreshortening"] = np.stack([mean, 0 * mean, 0 * mean]) / length
@@ -76,6 +78,8 @@ def rotations(
 
 def _of_axis(weights: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """D(∫S_a S_b) (3, 3, modes, modes)."""
+    # A mass at u has the inertia |u|² I − u uᵀ, here with the fields S in the place of u; of it
+    # only the symmetric part, in axes and in modes, has an energy.
     product = np.einsum("i,iak,ibl->abkl", weights, moved, moved)
     product = (product + product.transpose(1, 0, 2, 3)) / 2
     product = (product + product.transpose(0, 1, 3, 2)) / 2

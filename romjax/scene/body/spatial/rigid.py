@@ -170,6 +170,7 @@ def check_inertia(owner: str, inertia: Array) -> None:
             f"{owner}: a moment of inertia is {moments[0]:g}, but it must be positive. Give a "
             "point mass small moments, and a thin rod a small one along its axis."
         )
+    # A plate has exactly the sum of both others, but for the rounding of its eigenvalues.
     if moments[2] > (moments[0] + moments[1]) * (1 + 1e-9):
         raise SceneError(
             f"{owner}: the principal moments {moments.tolist()} are those of no body: the largest "

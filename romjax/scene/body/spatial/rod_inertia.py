@@ -67,6 +67,7 @@ def jacobian(
     turned = turning(at)
     moved = columns(line, at, turned)
     p, shape = q[3:7], (own.points, 3)
+    # ω = onto ṗ by the axes of the frame, in which all rows are.
     onto = 2 * quaternions.body_matrix(p) / quaternions.squared(p)
     along = jnp.broadcast_to(quaternions.matrix(p).T, (*shape, 3))
     around = -magnus.skew(position) @ onto
@@ -99,4 +100,5 @@ def first_moment_slope(line: Line, mass: Any, q: Float[Array, " size"]) -> Float
 
 def length_inertia(line: Line, mass: Any, rotary: Any) -> Any:
     """The inertia of the length of the quaternion, as of a rigid body: that of the straight rod."""
+    # tr J of a straight rod is twice m L² / 12 and the rotary inertia of its sections.
     return 4 / 3 * (mass * line.length**2 / 6 + line.length * jnp.sum(rotary))

@@ -113,6 +113,7 @@ def _outwards(points: int, anchor: float, moments: Any, before: Any, sums: Any) 
     xp = namespace(moments)
     turns = xp.concatenate([xp.asarray(_UNTURNED, moments.dtype), magnus.rotation(moments)])
     own, more = turns[: points + 1], turns[points + 1 :]
+    # Products of steps, each time twice as long: as many loops as the logarithm of the points.
     for reach in path(points, anchor).levels:
         own = quaternions.product(own[reach], own)
     if len(moments) > points:
@@ -176,7 +177,10 @@ def motion(line: Line, at: Sections, rates: Float[Array, " modes"]) -> Motion:
     starts = _starts(at.before, at.axes)
     first, second = (quaternions.apply(starts, x) for x in steps)
     spin = at.sums @ first
+    # Turns of steps are by the axes at their starts, which turn as well.
     spinning = at.sums @ (second + cross(at.before[:, 1:] @ spin, first))
+    # With constant ε̇, r' has the rate ω × r' + A ε̇ and the second rate
+    # ω̇ × r' + ω × (ω × r' + 2 A ε̇).
     rate, force = cross(spin, at.slope), cross(spinning, at.slope)
     straining = jnp.zeros_like(rate)
     if own.strain is not None:

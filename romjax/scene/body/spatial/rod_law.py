@@ -24,6 +24,8 @@ def law(
     matrix = xp.diag(diagonal)
     if coupling is not None:
         matrix = matrix + own[-1]
+    # ½ ∫EI κ² ds = ½ EI/L ∫(κ L)² dξ of twist and curvature, ½ ∫EA ε² ds = ½ EA L ∫ε² dξ of the
+    # others: half of the power of L goes to each side of the matrix.
     bent = np.arange(len(diagonal)) < 3
     scale = xp.where(bent, 1 / xp.sqrt(size), xp.sqrt(size))
     return as_jax(scale[:, None] * matrix * scale[None])

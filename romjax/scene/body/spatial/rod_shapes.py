@@ -71,6 +71,7 @@ def _vibrations(shapes: str, count: int, anchor: float, ratios: Ratios, xp: Any)
     for own, factor in zip(both, factors, strict=True):
         weighted = strains.weights()[:, None, None] * xp.asarray(factor)[None, :, None] * own
         mass = mass + weighted.reshape(-1, size + 6).T @ own.reshape(-1, size + 6)
+    # ∫P_k² dξ of Legendre polynomials.
     grams = np.diag(1 / (2 * np.arange(count) + 1.0))
     stiffness = xp.kron(ratios.law, grams)
     held = _held(line, shapes, xp)

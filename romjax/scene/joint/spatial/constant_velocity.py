@@ -36,6 +36,8 @@ class ConstantVelocity(AbstractJoint):
         return jnp.append(a.position - b.position, twist)
 
     def place(self, z: Float[Array, "2"]) -> Pose:
+        # Without a rotation about z the third entry is zero: these quaternions are multiples of
+        # (1, ½ x, ½ y, 0), which passes no half turn.
         turn = quaternions.small_turn(jnp.append(z, 0))
         return Pose(jnp.zeros(3, z.dtype), turn / jnp.sqrt(quaternions.squared(turn)))
 

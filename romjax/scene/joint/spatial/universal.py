@@ -48,6 +48,7 @@ class Universal(AbstractJoint):
     def read(self, a: Pose, b: Pose) -> Float[Array, "2"]:
         relative = a.against(b)
         z = axis(relative, 2)
+        # At the first angle φ it is the second axis of the cross as well, (sin φ, −cos φ, 0).
         first = jnp.arctan2(z[0], -z[1])
         cross = quaternions.product(about_z(first), _quarter(z.dtype))
         second = angle_about_z(relative, Pose(relative.position, cross))
