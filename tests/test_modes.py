@@ -180,6 +180,15 @@ def driven_arm(speed: float, angle: float) -> rj.Scene:
     return rj.Scene(scene.bodies, [*scene.joints, drive])
 
 
+def test_a_batch_over_velocities_at_one_configuration():
+    """What joints say of the configuration is known there, and not what they say of velocities."""
+    whole = zoo.system(zoo.bars, spins=(1.0, 3.0))
+    speeds = np.outer([1.0, 2.0], whole.v0)
+    lanes = jax.vmap(lambda v: rj.modes(whole, v=v).frequencies)(speeds)
+    single = [rj.modes(whole, v=v).frequencies for v in speeds]
+    assert_close(lanes, np.stack(single), SOLVED, scale=np.max(single))
+
+
 @jax.jit
 @jax.vmap
 def frequency_and_slopes(stiffness):

@@ -123,16 +123,19 @@ def _check_state(owner: str, system: AbstractSystem, state: Start, rates: bool) 
     """Raise InputError, beginning with `owner`, for a state that the constraints contradict; by its
     velocity, too, where `rates` count.
     """
-    row, fastest = state.worst()
     names = system.structure.constraints
-    if not state.closed:
+    # A batch over velocities at one configuration is known in part.
+    closed, fits = concrete(state.closed), concrete(state.fits)
+    if closed is not None and not closed:
+        row = state.worst()
         raise InputError(
             f"{owner}: {names[row]} is violated by {float(state.violation[row]):.3g} in the state "
             "that is asked about; take an equilibrium, romjax.equilibrium(system, t=t), or a state "
             "of romjax.consistent(system, q, v, t).",
             part=names[row],
         )
-    if rates and not state.fits:
+    if rates and fits is not None and not fits:
+        fastest = state.worst_rate()
         raise InputError(
             f"{owner}: {names[fastest]} is violated at the rate {float(state.rate[fastest]):.3g} "
             "/s by the velocity that is asked about; leave v out for a mechanism at rest whose "

@@ -64,7 +64,7 @@ def _describe_times(t: np.ndarray) -> str:
 
 def _describe_start(system: AbstractSystem, start: Start, t: float) -> str:
     """The constraint that a start at `t` violates most, for what is allowed, and by how much."""
-    row, fastest = start.worst()
+    row, fastest = start.worst(), start.worst_rate()
     which, value, unit = "C", start.violation[row], "m or rad"
     if start.closed:
         row = fastest

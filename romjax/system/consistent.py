@@ -52,7 +52,7 @@ def consistent(
 
 def check_closed(owner: str, system: AbstractSystem, start: Start) -> None:
     """Raise InputError, beginning with `owner`, if a constraint is violated after all sweeps."""
-    worst, _ = start.worst()
+    worst = start.worst()
     if not start.closed:
         part = system.structure.constraints[worst]
         raise InputError(
@@ -65,7 +65,7 @@ def check_closed(owner: str, system: AbstractSystem, start: Start) -> None:
 
 def check_rates(owner: str, system: AbstractSystem, start: Start) -> None:
     """Raise InputError, beginning with `owner`, if no velocity was found that suits all joints."""
-    _, worst = start.worst()
+    worst = start.worst_rate()
     if not start.fits:
         part = system.structure.constraints[worst]
         raise InputError(

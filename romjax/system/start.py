@@ -79,10 +79,13 @@ class Start(NamedTuple):
         """Whether their rates are zero."""
         return jnp.all(jnp.abs(self.rate) <= self.allowed_rate)
 
-    def worst(self) -> tuple[int, int]:
-        """The constraints that are violated most, and whose rate is, for what is allowed."""
-        of_rate = _worst(self.rate, self.allowed_rate)
-        return _worst(self.violation, self.allowed), of_rate
+    def worst(self) -> int:
+        """The constraint that is violated most, for what is allowed."""
+        return _worst(self.violation, self.allowed)
+
+    def worst_rate(self) -> int:
+        """The constraint whose rate is violated most, for what is allowed."""
+        return _worst(self.rate, self.allowed_rate)
 
 
 def _worst(values: Float[Array, " m"], allowed: Float[Array, " m"]) -> int:
