@@ -90,15 +90,15 @@ def _run(options: argparse.Namespace) -> int:
     # The figures draw both over each other.
     ts = np.linspace(0.0, end, (REFINEMENT if of_chapter else 1) * round(end * rate) + 1)
     key = command_results.key_of(_run, scene, end, rate, settings, of_chapter and ranks)
-    known = None if options.again else command_results.load(key)
+    measured = None if options.again else command_results.load(key)
     studied, found, status = None, None, 0
     # Most of both studies is compiling, on one core each.
     with beside() if of_chapter else contextlib.nullcontext() as begin:
-        if known is None:
+        if measured is None:
             studied = None if begin is None else begin(_of_chapter, options)
             result = reductions(scene, ts, progress=True, **settings)
         else:
-            result, found, day = known
+            result, found, day = measured
             print(f"measured on {day} by the same command; --again measures anew")
         print(result.summary(options.all), flush=True)
         drawn = report.draw(result, scene, example, folder, not options.no_animation, begin)
@@ -109,7 +109,7 @@ def _run(options: argparse.Namespace) -> int:
             found, status = _told(studied)
             if found is None:
                 drawn = drawn._replace(filmed=None)  # that process may be no more
-        if known is None and status == 0:
+        if measured is None and status == 0:
             command_results.store(key, result, found)
         study, bases = found or (None, None)
         if study is not None:

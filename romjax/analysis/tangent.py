@@ -96,8 +96,8 @@ def independent_constraints(
     """
     if system.m == 0:
         return 0
-    found, state = _constraints(system, t, q, jnp.zeros_like(q) if v is None else v)
-    values = concrete(found)
+    singular, state = _constraints(system, t, q, jnp.zeros_like(q) if v is None else v)
+    values = concrete(singular)
     if values is not None:
         _check_state(owner, system, state, v is not None)
         return int(np.sum(values > _ZERO)) - len(system.structure.quaternions)
