@@ -2,6 +2,7 @@
 
 import functools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -204,6 +205,36 @@ def test_modes_of_ones_own_do_not_hide_a_drive():
     run = zoo.run(rom, np.linspace(0.0, 1.0, 11))
     assert run.violation.max() <= SOLVED
     assert rj.compare(zoo.run(system, run.t), run).error <= SOLVED
+
+
+class Late(rj.AbstractSignal):
+    """A turn that begins after a while, of a kind that does not say when."""
+
+    start: jax.Array
+
+    def __call__(self, t):
+        return 0.5 * jnp.clip(t - self.start, 0.0, 1.0) ** 3
+
+
+@pytest.mark.parametrize("signal", [rj.Step(SWING, 1e3, 1.0), Late(jnp.array(1e3))])
+def test_a_drive_may_begin_after_any_while(signal):
+    """Modes of one's own show no motion of it: what it moves is not held for that."""
+    scene = zoo.bars(angles=(0.0, -1.2))
+    drive = rj.PrescribedAngle(scene.bodies[0].at(), rj.ground.at(), signal)
+    system = rj.assemble(rj.Scene(scene.bodies, [*scene.joints, drive], scene.effects))
+    turn = np.zeros((6, 1))
+    turn[3:, 0] = 0.5 * LENGTH * np.sin(1.2), 0.5 * LENGTH * np.cos(1.2), 1.0
+    rom = rj.reduce(system, rj.Basis.from_modes(turn, system.q0), "minimal")
+    q, violation = configuration(rom, 1e3 + 0.7)
+    assert q[2] > 0.1
+    assert_close(violation, np.zeros(system.m), IDENTITY)
+
+
+@eqx.filter_jit
+def configuration(rom, t):
+    """The physical coordinates of the start's reduced ones at a time, and the constraints there."""
+    q, _ = rom.reconstruct(t, rom.q0, rom.v0)
+    return q, rom.full.constraint(t, q)
 
 
 @pytest.mark.slow

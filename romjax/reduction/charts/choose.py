@@ -15,7 +15,7 @@ from ...system.base import AbstractSystem
 from ...system.mobility import moves
 from .chart import Chart
 from .follow import Way, followed
-from .survey import Survey, jacobians, mass_root, survey, violations
+from .survey import Survey, jacobians, mass_root, slopes, survey, violations
 
 # A chart whose dependent coordinates follow with a larger condition is refused.
 WORST_CONDITION = 1e4
@@ -35,6 +35,8 @@ _CONSTANT = 1e-12
 _VARIED = 3
 # A coordinate that moves by a smaller share of what moves most is held.
 _HELD = 1e-9
+# Times at which constraints are looked at for drives [s], up to two hundred years.
+_TIMES = np.concatenate([np.zeros(1), 0.0137 * 2.7183 ** np.arange(28.0)])
 
 
 class Candidate(NamedTuple):
@@ -193,12 +195,14 @@ def _driven(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"
     """Mark the coordinates (n,) that constraints move with time, also where no snapshot shows it,
     as modes of one's own and runs that end before a drive begins do not.
     """
-    # Times of all sizes, which no period has in common.
-    times = np.asarray(t)[0] + np.concatenate([np.zeros(1), 0.0137 * 2.7183 ** np.arange(12.0)])
-    first, times = np.asarray(q)[:1], times.astype(q.dtype)
-    pushed = np.asarray(violations(system, as_jax(times), as_jax(first[0])))
-    rows = np.asarray(jacobians(system, as_jax(times[:1]), as_jax(first)))[0]
-    shifts = np.abs(np.linalg.pinv(rows) @ (pushed[1:] - pushed[0]).T)
+    first, start = np.asarray(q)[0], np.asarray(t)[0]
+    # What is no signal is looked for at times of all sizes, which no period has in common.
+    times = (start + _TIMES).astype(q.dtype)
+    pushed = np.asarray(violations(system, as_jax(times), as_jax(first)))
+    signals = np.asarray(slopes(system, as_jax(start), as_jax(first)))
+    rows = np.asarray(jacobians(system, as_jax(times[:1]), as_jax(first[None])))[0]
+    columns = np.concatenate([(pushed[1:] - pushed[0]).T, signals], axis=1)
+    shifts = np.abs(np.linalg.pinv(rows) @ columns)
     # Written so that NaN, of a drive that has no such times, counts as moved.
     moved: np.ndarray = np.any(~(shifts <= _HELD * np.max(shifts, axis=0)), axis=1)
     return moved

@@ -12,6 +12,7 @@ from ...common.arrays import as_jax
 from ...compiling.program import program_once
 from ...system import unit_length
 from ...system.base import AbstractSystem
+from ...system.mobility import slopes_by_signals
 from ...system.structure import COUNTER_INERTIA
 from .chart import Chart
 
@@ -99,3 +100,13 @@ def violations(
 ) -> Float[Array, "K m"]:
     """C at several times in one configuration, with the lengths of quaternions."""
     return jax.vmap(lambda t: unit_length.extended(system, t, q))(t)
+
+
+@program_once
+def slopes(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
+) -> Float[Array, "m k"]:
+    """The derivatives of C by the values of all signals, with those of lengths, which are zero."""
+    own = slopes_by_signals(system, t, q)
+    lengths = jnp.zeros((unit_length.count(system) - system.m, own.shape[1]), own.dtype)
+    return jnp.concatenate([own, lengths])
