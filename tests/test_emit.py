@@ -147,6 +147,11 @@ CASES = {
         jnp.linalg.cholesky(x @ x.T + jnp.eye(2)),
         jax.scipy.linalg.solve_triangular(x[:, :2], y, trans=1, unit_diagonal=True),
     ],
+    "sorting": lambda x, y: [
+        jnp.sort(x, axis=0), jnp.argsort((3 * y).astype(int), axis=1),
+        jnp.argsort(jnp.where(x > 0.3, jnp.nan, x), axis=1),
+        jax.vjp(lambda z: jnp.linalg.solve(y @ y.T + x[:, :2], z), x)[1](y)[0],
+    ],
     "its derivative": lambda x, y: jax.jvp(newton, (x, y), (y, x))[1],
     "own derivatives": lambda x, y: jax.grad(lambda x: jnp.sum(own_reverse(x) * y))(x)
     + jax.nn.relu(x) + own_reverse(y),

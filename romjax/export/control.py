@@ -13,6 +13,7 @@ from .arrays import Arrays, Cells, cells, kind_of, over
 from .factors import Factors
 from .iteration import Iteration
 from .refuse import refuse
+from .sorting import Sorting
 from .terms import Writer, distinct, is_known
 
 # What these hold is evaluated as it is: their derivatives were taken before, if any were.
@@ -42,6 +43,7 @@ class Control:
         self.operations = {
             **arrays.operations,
             **Factors(arithmetic).operations,
+            **Sorting(arithmetic).operations,
             **Iteration(writer, self.run).operations,
             "integer_pow": self._integer_pow,
             "convert_element_type": self._convert_element_type,
