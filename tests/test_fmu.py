@@ -1,19 +1,23 @@
 """Systems written as FMUs, in another tool: its checks, its runs, and wrong uses."""
 
 import ctypes
+import functools
 import subprocess
 import zipfile
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
 from comparison import assert_close
+from test_driven_reduction import swung
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.export import equations
 from romjax.export import library as libraries
 from romjax.export.description import Variables
 from romjax.export.leaving import model_of
@@ -139,10 +143,59 @@ def test_a_stiff_reduced_and_a_stiff_full_model_run(tmp_path):
         assert errors(str(made.path), names, usual, "CoSimulation") <= COSIMULATED
 
 
+@pytest.mark.slow
+def test_a_model_that_starts_later_begins_then(tmp_path):
+    """Of a driven one the start holds at that time, at which the default experiment begins, and the
+    example in C.
+    """
+    _, system, rom = swung()
+    truth = zoo.run(system, np.linspace(0.0, 1.0, 51))
+    later = rom.starting_at(truth.q[20], truth.v[20], truth.t[20])
+    made = rj.export.fmu(later, tmp_path / "arm.fmu", outputs=["bar2.phi"])
+    assert validate_fmu(str(made.path)) == []
+    given = {"stop_time": 1.0, "output_interval": 0.02, "relative_tolerance": TOLERANCE}
+    found = fmpy.simulate_fmu(str(made.path), output=["bar2.phi"], record_events=False, **given)
+    assert_close(found["time"], np.asarray(truth.t[20:]), IDENTITY)
+    assert_close(found["bar2.phi"], np.asarray(truth["bar2.phi"][20:]), COSIMULATED)
+    rj.export.c(later, tmp_path / "c", outputs=["bar2.phi"])
+    subprocess.run(["make", "-s", "main"], cwd=tmp_path / "c", check=True, capture_output=True)
+    done = subprocess.run(
+        ["./main", "0.6", "1e-3"], cwd=tmp_path / "c", check=True, capture_output=True, text=True
+    )
+    rows = np.array([[float(x) for x in line.split(",")] for line in done.stdout.split()])
+    assert_close(rows[[0, -1], 0], [0.4, 1.0], SOLVED)
+    assert_close(rows[[0, -1], 1], np.asarray(truth["bar2.phi"])[[20, -1]], SOLVED)
+
+
+@functools.cache
+def bent_cart():
+    """A local model of the cart."""
+    system = zoo.system(zoo.cart_pendulum)
+    return rj.reduce(system, rj.pod(zoo.motion(zoo.cart_pendulum), rank=5), rj.Local())
+
+
+@pytest.mark.slow
+def test_regions_are_judged_as_far_as_states_tell(tmp_path):
+    """Of local and of hyper-reduced models too."""
+    chain = zoo.system(zoo.bars)
+    hyper = rj.reduce(chain, rj.pod(zoo.motion(zoo.bars, end=0.5), rank=2), rj.HyperReduced())
+    for rom in (bent_cart(), hyper):
+        made = rj.export.fmu(rom, tmp_path / "model.fmu", binary=False)
+        assert "model_flags" in made.operations
+        for far, wanted in ((0.0, 0), (1e3, int(rj.Flag.OUTSIDE_TRAINING))):
+            x = np.concatenate([np.asarray(rom.q0) + far, np.asarray(rom.v0)])
+            flags = int(judged(rom, x)["flags"])
+            assert flags & int(rj.Flag.OUTSIDE_TRAINING) == wanted
+
+
+@eqx.filter_jit
+def judged(rom, x):
+    return equations.flags(rom, jnp.zeros(()), x, jnp.asarray(1e-6))
+
+
 def test_coordinates_of_a_reduced_model_have_names_of_their_own():
     """Of a local one some are called as those of its bodies, which are outputs."""
-    system = zoo.system(zoo.cart_pendulum)
-    rom = rj.reduce(system, rj.pod(zoo.motion(zoo.cart_pendulum), rank=5), rj.Local())
+    rom = bent_cart()
     held = rj.Baumgarte(alpha=12.0, beta=36.0)
     found = Variables.of(model_of("test", rom, {}, None, {}, held, "cart"), "cart")
     assert {"own.cart.phi", "own.cart.phi'"} < {*found.states}

@@ -26,7 +26,7 @@ class Variables(NamedTuple):
     """All variables, in the order of their references.
 
     - `name`: of the model. `states`: names. `shown`: states that are outputs.
-    - `computed`: outputs that are no states.
+    - `computed`: outputs that are no states. `time`: when the start holds [s].
     """
 
     name: str
@@ -34,6 +34,7 @@ class Variables(NamedTuple):
     shown: frozenset[str]
     computed: Mapping[str, Output]
     variables: tuple[Variable, ...]
+    time: float
 
     @classmethod
     def of(cls, model: Model, name: str) -> "Variables":
@@ -80,7 +81,7 @@ class Variables(NamedTuple):
                 f"export.fmu: there are several variables of the name {twice[0]!r}; states, "
                 "inputs, parameters and outputs need names of their own."
             )
-        return cls(name, states, shown, computed, tuple(variables))
+        return cls(name, states, shown, computed, tuple(variables), model.time)
 
 
 def _units_of(coordinates: tuple[Coordinate, ...]) -> dict[str, str]:
@@ -118,7 +119,8 @@ def model_description(variables: Variables, token: str) -> str:
     categories = ET.SubElement(root, "LogCategories")
     for category in ("logStatusError", "logStatusWarning"):
         ET.SubElement(categories, "Category", name=category)
-    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance="1e-6")
+    begin, end = repr(variables.time), repr(variables.time + 1.0)
+    ET.SubElement(root, "DefaultExperiment", startTime=begin, stopTime=end, tolerance="1e-6")
     each = ET.SubElement(root, "ModelVariables")
     for reference, variable in enumerate(variables.variables):
         given = {"name": variable.name, "valueReference": str(reference), **variable.attributes}

@@ -61,14 +61,16 @@ def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
 
 
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:
-    """Return the flags of one state of a reduced system."""
+    """Return the flags of one state, by that part of the region of validity which it tells."""
     q, v = x[: system.n], x[system.n :]
     assert system.validity is not None
+    region = system.validity.of_states
+    assert region is not None
     output = physical_output(system, t, x)
     own, physical = q[None], output["q"][None]
     violation, drift = output["violation"][:1], drift_of(physical, rtol)
     run = Run(t[None], own, v[None], physical, violation, drift)
-    return {"flags": system.validity.flags(system, run)}
+    return {"flags": region.flags(system, run)}
 
 
 def own_start(system: AbstractSystem) -> Mapping[str, Array]:

@@ -55,7 +55,7 @@ def c(
       of a reduced system too, by `model_lift`;
     - J v by `model_f_jvp` and `model_outputs_jvp`, Jᵀ w by `model_f_vjp` and `model_outputs_vjp`,
       where J has the derivatives by x, u and p;
-    - tables of numbers, `model_start` and `model_parameters`.
+    - tables of numbers, `model_start`, `model_time`, when the start holds, and `model_parameters`.
 
     Beside them are a header, an example with loops of fixed and of controlled steps, external
     functions for CasADi, a Makefile and a CMakeLists.txt. Results must not overlap arguments; where
@@ -157,6 +157,7 @@ def _derivatives(name: str, function: Any, point: Any) -> list[Emitted]:
 def _tables(model: Model, name: str) -> dict[str, np.ndarray]:
     return {
         f"{name}_start": model.start(),
+        f"{name}_time": np.array([model.time]),
         f"{name}_parameters": np.array([*model.parameters.values()]),
     }
 

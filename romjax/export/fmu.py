@@ -28,7 +28,7 @@ from .description import Variables, build_description, model_description
 from .emit import Emitted, constant_table, emit
 from .leaving import TIMES, Model, frequencies_of, model_of
 from .library import compiled
-from .loops import check_runs, coefficients, internal, judges_states, text_of
+from .loops import check_runs, coefficients, internal, text_of
 
 # The standard has these names of platforms.
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
@@ -75,7 +75,9 @@ def fmu(
 
     Parameters are tunable. Before the run a state that the importer has not set follows them,
     as the start of a new scene does; one that violates the constraints is refused. Leaving the
-    region of a reduced model is an fmi3Warning.
+    region of a reduced model is an fmi3Warning, as far as single states tell: that modes above a
+    cap vibrate, or that weights belong to other masses, is left to runs of `simulate`. The default
+    experiment begins when the start of the system holds.
 
     **Arguments:**
 
@@ -217,7 +219,8 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
         emit(check, "model_check", point, {}, "Whether constraints and rates hold; violation."),
         emit(corners, "model_corners", given, {}, "Times at which steps have to end."),
     ]
-    if judges_states(model.nominal):
+    region = model.nominal.validity
+    if region is not None and region.of_states is not None:
         summary = "What speaks against one state."
         functions.append(emit(flags, "model_flags", point | {"rtol": ()}, {}, summary))
     if schedule.limits_steps:

@@ -19,6 +19,7 @@ from ..scene.effect.base import AbstractMarkerEffect
 from ..system.base import AbstractSystem, check_system
 from ..system.dynamics import Linearization, linearize, solve_with
 from ..system.frequencies import Frequencies
+from ..system.reduced import reduced_of
 from ..system.stabilization import Baumgarte
 from ..system.structure import without_names
 from .refuse import refuse
@@ -98,6 +99,14 @@ class Model(NamedTuple):
         system, q, v = self.at(x, p)
         state = system.state(t, q, v)
         return jnp.concatenate([state.q, state.v])
+
+    @property
+    def time(self) -> float:
+        """When the start of the nominal system holds [s]: at zero, unless a reduced model has been
+        given another time.
+        """
+        rom = reduced_of(self.nominal)
+        return 0.0 if rom is None else float(rom.time)
 
     def start(self) -> np.ndarray:
         """The state at the start of the nominal system."""

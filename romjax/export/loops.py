@@ -15,7 +15,6 @@ from ..reduction.system import has_charts
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
 from ..system.schedule import Schedule
-from ..system.validity import TrainingBox
 from . import equations
 from .emit import Emitted, constant_table, emit, emit_split
 from .leaving import Model
@@ -151,8 +150,9 @@ _SUMMARIES = {
 
 
 def judges_states(system: AbstractSystem) -> bool:
-    """Whether the region of validity of a model is one of single states, which C can judge."""
-    return isinstance(system.validity, TrainingBox) and system.full.validity is None
+    """Whether single states tell all of the region of validity of a model, so that C judges it."""
+    region = system.validity
+    return region is not None and region.of_states is region and system.full.validity is None
 
 
 def source_of(system: AbstractSystem, functions: list[Emitted], shares: np.ndarray) -> str:

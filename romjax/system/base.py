@@ -40,6 +40,11 @@ class AbstractValidity(eqx.Module):
     def including(self, run: Run) -> "AbstractValidity":
         """The same where nothing that is in `run` speaks against another one."""
 
+    @property
+    def of_states(self) -> "AbstractValidity | None":
+        """The part of the region that each state of a run tells by itself; None if none does."""
+        return None
+
 
 def check_system(owner: str, system: "AbstractSystem") -> None:
     """Raise InputError, beginning with `owner`, for what is no system, such as a scene."""

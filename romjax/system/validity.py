@@ -69,6 +69,10 @@ class TrainingBox(AbstractValidity):
             violation=jnp.maximum(self.violation, jnp.max(run.violation)),
         )
 
+    @property
+    def of_states(self) -> "TrainingBox":
+        return self
+
     def _points(self, run: Run) -> Float[Array, "k r"]:
         if not run.q.shape[1]:
             return run.t[:, None]

@@ -59,13 +59,13 @@ static double trial(double t, double h, double tolerance, const double *x, doubl
 }
 
 int main(int count, char **words) {
-  double end = count > 1 ? atof(words[1]) : 1.0, fixed = count > 2 ? atof(words[2]) : 0;
-  double t = 0, h = fixed > 0 ? fixed : 1e-4, x[N], z[N];
+  double length = count > 1 ? atof(words[1]) : 1.0, fixed = count > 2 ? atof(words[2]) : 0;
+  double t = model_time[0], end = t + length, h = fixed > 0 ? fixed : 1e-4, x[N], z[N];
   long steps = 0;
   for (int i = 0; i < N; i++) x[i] = model_start[i];
   show(t, x);
-  while (t < end - 1e-12 * end) {
-    if (++steps > 10000000 || h < 1e-14 * end) {
+  while (t < end - 1e-12 * fabs(end)) {
+    if (++steps > 10000000 || h < 1e-14 * fabs(end)) {
       fprintf(stderr, "no progress at t = %g s\n", t);
       return 1;
     }

@@ -42,6 +42,11 @@ class SampledBox(AbstractValidity):
     def including(self, run: Run) -> "SampledBox":
         return SampledBox(self.box.including(run), self.difference, self.error)
 
+    @property
+    def of_states(self) -> TrainingBox:
+        # Energies are compared with their extent, which a single state does not tell.
+        return self.box
+
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         rom = reduced_of(system)
         assert rom is not None

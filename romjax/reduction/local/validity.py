@@ -34,6 +34,10 @@ class LargestDeflections(AbstractValidity):
         largest = jnp.maximum(self.largest, jnp.max(jnp.abs(run.q), axis=0))
         return LargestDeflections(largest, self.error)
 
+    @property
+    def of_states(self) -> "LargestDeflections":
+        return self
+
     def flags(self, system: AbstractSystem, run: Run) -> Int[Array, ""]:
         del system
         outside: Array = jnp.any(jnp.abs(run.q) > _TIMES * self.largest[None])
