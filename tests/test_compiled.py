@@ -11,6 +11,7 @@ import zoo
 from comparison import assert_close
 from groups import in_groups
 from native import called, library
+from test_drives import shortened
 from test_joint_effects import pendulum
 from tolerances import SOLVED
 from zoo import DOPRI8, RODAS5P
@@ -142,6 +143,14 @@ def test_what_fails_says_so():
     run = rj.compile(falling).simulate(TS, throw=False)
     assert run.status == rj.Status.NOT_FINITE
     assert not np.all(np.isfinite(run.q))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_joints_that_come_apart_are_told(size):
+    """By what the mechanism is large, and not by a metre."""
+    with pytest.raises(rj.SimulationError, match="CONSTRAINTS_VIOLATED: not all joints hold"):
+        rj.compile(shortened(size)).simulate(TS + TS, solver=DOPRI8, stabilization=HELD)
 
 
 @pytest.mark.slow

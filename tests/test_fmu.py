@@ -14,6 +14,7 @@ import pytest
 import zoo
 from comparison import assert_close
 from test_driven_reduction import swung
+from test_drives import shortened
 from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
@@ -165,6 +166,23 @@ def test_a_model_that_starts_later_begins_then(tmp_path):
     rows = np.array([[float(x) for x in line.split(",")] for line in done.stdout.split()])
     assert_close(rows[[0, -1], 0], [0.4, 1.0], SOLVED)
     assert_close(rows[[0, -1], 1], np.asarray(truth["bar2.phi"])[[20, -1]], SOLVED)
+
+
+@pytest.mark.slow
+def test_joints_of_a_small_mechanism_that_come_apart_are_told(tmp_path):
+    """By what it is large, and not by a metre."""
+    from fmpy.fmi1 import FMICallException
+
+    given = {"stabilization": rj.Baumgarte(alpha=12.0, beta=36.0), "name": "line"}
+    made = rj.export.fmu(shortened(1e-3), tmp_path / "line.fmu", **given)
+    one = Unpacked(made.path, tmp_path / "unpacked").instance()
+    one.enterInitializationMode()
+    one.exitInitializationMode()
+    one.doStep(0.0, 0.4)
+    with pytest.raises(FMICallException):
+        one.doStep(0.4, 0.6)
+    one.terminate()
+    one.freeInstance()
 
 
 @functools.cache

@@ -54,10 +54,13 @@ def physical_output(system: AbstractSystem, t: Array, x: State) -> Mapping[str, 
 
 
 def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
-    """Whether the constraints hold, and their rates; and how fast bodies turn."""
+    """Whether the constraints hold, and their rates; the size of the mechanism, and how fast bodies
+    turn.
+    """
     q, v = x[: system.n], x[system.n :]
     state = Start.of(system, t, q, v, precision.of(q.dtype).start_tolerance)
-    return {"good": jnp.stack([state.closed, state.fits]), "turning": turning(system, t, q, v)}
+    good = jnp.stack([state.closed, state.fits])
+    return {"good": good, "size": state.size, "turning": turning(system, t, q, v)}
 
 
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:

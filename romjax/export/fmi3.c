@@ -162,7 +162,7 @@ API fmi3Status fmi3EnterInitializationMode(fmi3Instance pointer, fmi3Boolean has
 }
 
 API fmi3Status fmi3ExitInitializationMode(fmi3Instance pointer) {
-  double good[3];
+  double good[4];
   IN(INITIALIZATION);
   model_check(c->now.t, c->now.m.y, c->now.given, good);
   if (!(good[0] && good[1]))
@@ -170,6 +170,7 @@ API fmi3Status fmi3ExitInitializationMode(fmi3Instance pointer) {
   begin(&c->now.m.so_far, c->now.m.y);
   c->now.size = 1;
   for (int i = 0; i < N; i++) c->now.size = larger(fabs(c->now.m.y[i]), c->now.size);
+  c->now.size = smaller(good[3], c->now.size);
   c->now.mode = c->exchange ? EVENT : STEP;
   return fmi3OK;
 }

@@ -112,7 +112,7 @@ static int advance(memory *m, double end) {
 API fmi3Status fmi3DoStep(fmi3Instance pointer, fmi3Float64 time, fmi3Float64 length,
                           fmi3Boolean no_return, fmi3Boolean *event, fmi3Boolean *terminate,
                           fmi3Boolean *early, fmi3Float64 *last) {
-  double good[3], end = time + length, size = 1;
+  double good[4], end = time + length, size = 1;
   int status;
   IN(STEP);
   if (!event || !terminate || !early || !last) FAIL("a result is missing");

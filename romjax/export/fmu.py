@@ -200,9 +200,10 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
 
     def check(t: Array, x: Array, s: Array) -> Mapping[str, Array]:
         system, q, _ = model.at(x, s[count:])
-        good = equations.start(system, t, x)["good"].astype(float)
+        start = equations.start(system, t, x)
         worst = jnp.max(jnp.abs(system.constraint(t, q)), initial=0.0)
-        return {"good": jnp.concatenate([good, worst[None]])}
+        numbers = jnp.stack([worst, start["size"]])
+        return {"good": jnp.concatenate([start["good"].astype(float), numbers])}
 
     def corners(s: Array) -> Mapping[str, Array]:
         return equations.corners(model.system(s[count:]))
@@ -216,7 +217,9 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
     given = {"s": point["s"]}
     functions = [
         emit(initial, "model_initial", given, {}, "The start of some parameters."),
-        emit(check, "model_check", point, {}, "Whether constraints and rates hold; violation."),
+        emit(
+            check, "model_check", point, {}, "Whether constraints and rates hold; violation, size."
+        ),
         emit(corners, "model_corners", given, {}, "Times at which steps have to end."),
     ]
     region = model.nominal.validity

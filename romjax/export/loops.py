@@ -140,7 +140,7 @@ _NOT_ALONG = ("violation",)
 _SUMMARIES = {
     "rate": "Accelerations.",
     "output": "Physical coordinates, rates, and violations.",
-    "start": "Whether the constraints and their rates hold, and how fast bodies turn.",
+    "start": "Whether the constraints and their rates hold; the size, and how fast bodies turn.",
     "initial": "The start of some parameters.",
     "corners": "Times at which steps have to end.",
     "linear": "Accelerations and their derivatives.",

@@ -55,7 +55,7 @@ def judge(
         start = known.constraints
     else:
         start = Start.of(system, run.ts[0], q0, v0, precision.of(q0.dtype).start_tolerance)
-    status = _status(system, run, end.result, q0, start.closed & start.fits, settings)
+    status = _status(system, run, end.result, q0, start, settings)
     extent = Extent.of(run.outputs.q, run.outputs.v)
     flags = _flags(system, run, end, extent, settings)
     if run.findings is not None:
@@ -89,10 +89,10 @@ def _status(
     run: Integrated,
     result: diffrax.RESULTS,
     q0: Float[Array, " n"],
-    fits: Bool[Array, ""],
+    start: Start,
     settings: Settings,
 ) -> Int[Array, ""]:
-    """The status of a run, by its outputs and whether its start `fits` the constraints."""
+    """The status of a run, by its outputs and the constraints at its start."""
     own = run.outputs.in_system()
     # The constraints may overflow where the drifted coordinates themselves are still finite.
     numbers = (own.q, own.v, run.outputs.violation)
@@ -103,7 +103,7 @@ def _status(
     # Time hardly advances by less than the least step: a motion that turns NaN rejects steps until
     # it gets there.
     ladder: list[tuple[ArrayLike, Status]] = [
-        (~fits, Status.INCONSISTENT_START),
+        (~(start.closed & start.fits), Status.INCONSISTENT_START),
         (result == diffrax.RESULTS.dt_min_reached, Status.NOT_FINITE),
         (result == diffrax.RESULTS.max_steps_reached, Status.MAX_STEPS),
         (result != diffrax.RESULTS.successful, Status.SOLVER_FAILED),
@@ -117,7 +117,7 @@ def _status(
         unresolved = ~_resolves_rows(system, run.ts[0], q0, limits)
         ladder.insert(0, (unresolved, Status.PRECISION))
     places = system.structure.without_states(own.q)
-    violated = ~_constraints_hold(places, own.violation, settings)
+    violated = ~_constraints_hold(places, own.violation, start.size, settings)
     ladder.append((violated, Status.CONSTRAINTS_VIOLATED))
     conditions = [condition for condition, _ in ladder]
     codes = [jnp.asarray(int(status)) for _, status in ladder]
@@ -125,17 +125,21 @@ def _status(
 
 
 def _constraints_hold(
-    q: Float[Array, "k n"], violation: Float[Array, " k"], settings: Settings
+    q: Float[Array, "k n"],
+    violation: Float[Array, " k"],
+    length: Float[Array, ""],
+    settings: Settings,
 ) -> Bool[Array, ""]:
     """Whether projection or Baumgarte's term has done what it can do; whatever the settings, no
-    joint is as far apart as the mechanism is large.
+    joint is as far apart as the mechanism is large, whose `length` is that at the start.
     """
     size = jnp.max(jnp.abs(q), axis=1, initial=1.0)
+    reach = jnp.minimum(size[0], length)
     if not settings.holds_constraints:
-        allowed = size[:1]
+        allowed = reach[None]
     elif settings.baumgarte is not None:
         # Stabilization holds the constraints only as well as the errors of the steps allow.
-        allowed = _APART * size[0] + _DRIFT * drift_of(q, settings.rtol)
+        allowed = _APART * reach + _DRIFT * drift_of(q, settings.rtol)
     else:
         allowed = precision.of(q.dtype).start_tolerance * size
     return jnp.all(violation <= allowed)

@@ -39,6 +39,7 @@ class Start(NamedTuple):
     rate: Float[Array, " m"]  # Ċ
     allowed: Float[Array, " m"]  # of |C|
     allowed_rate: Float[Array, " m"]  # of |Ċ|
+    size: Float[Array, ""]  # L of bodies; else the largest coordinate, at least 1
 
     @classmethod
     def of(
@@ -57,7 +58,8 @@ class Start(NamedTuple):
         if not system.structure.frames or system.m == 0:
             one = jnp.ones(system.m, q.dtype)
             largest, fastest = (jnp.max(jnp.abs(x), initial=1) for x in (q, v))
-            return cls(state.violation, state.rate, share * largest * one, rates * fastest * one)
+            allowed = share * largest * one, rates * fastest * one
+            return cls(state.violation, state.rate, *allowed, largest)
         (system,) = detached(system)
         # How much a constraint changes where each coordinate changes by what is allowed of it.
         rows = jnp.abs(system.state(t, q, v).jacobian())
@@ -67,7 +69,7 @@ class Start(NamedTuple):
         def most(share: float) -> Float[Array, " m"]:
             return jnp.max(rows * units.steps(share, q)[None], axis=1)
 
-        return cls(state.violation, state.rate, most(share), most(rates) * fastest)
+        return cls(state.violation, state.rate, most(share), most(rates) * fastest, units.length)
 
     @property
     def closed(self) -> Bool[Array, ""]:
