@@ -33,12 +33,14 @@ def execute(path: Path, folder: Path) -> None:
     Raises nbclient's CellExecutionError at a cell that fails.
     """
     from jupyter_cache.base import CacheBundleIn
+    from kernels import ForkedKernel
     from nbclient import NotebookClient
 
     notebook = nbformat.read(path, as_version=4)
-    resources = {"metadata": {"path": str(folder)}}
     # Without times in the cells: the cache would take them for another notebook.
-    NotebookClient(notebook, timeout=TIMEOUT, resources=resources, record_timing=False).execute()
+    settings = {"timeout": TIMEOUT, "record_timing": False, "kernel_manager_class": ForkedKernel}
+    resources = {"metadata": {"path": str(folder)}}
+    NotebookClient(notebook, resources=resources, **settings).execute()
     _cache().cache_notebook_bundle(
         CacheBundleIn(notebook, str(path)), check_validity=False, overwrite=True
     )
