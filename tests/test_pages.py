@@ -16,9 +16,12 @@ from processes import keeping_programs_of_jax
 import romjax as rj
 from romjax.gallery import EXAMPLES
 
-# The blocks of Python of a page are one script.
+# The blocks of Python of a page are one script, without those that the README has too and runs.
+ONCE = {*blocks(PAGES["README.md"], "python")}
 SCRIPTS = {
-    name: "\n".join(code) for name, text in PAGES.items() if (code := blocks(text, "python"))
+    name: "\n".join(own for own in code if name == "README.md" or own not in ONCE)
+    for name, text in PAGES.items()
+    if (code := blocks(text, "python"))
 }
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 CARD = re.compile(r"^:link: (\S+)$", re.MULTILINE)
