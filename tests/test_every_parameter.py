@@ -18,7 +18,7 @@ RANKS = {"cart": {"galerkin": 5, "minimal": 3}, "chain": {"galerkin": 4, "minima
 TIMES = jnp.linspace(0.0, 0.1, 11)
 # Fixed steps: a step size control makes the motion jump in its parameters by its tolerance, which
 # a difference quotient would divide by its step.
-FIXED = {"dt": 1e-3, "solver": diffrax.Dopri8(), "throw": False}
+FIXED = {"dt": 1e-3, "solver": diffrax.Dopri8(), "audit": False, "throw": False}
 
 
 def trained(scene, kind):

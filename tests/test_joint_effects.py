@@ -175,7 +175,8 @@ def test_joint_coordinates_have_rotors_that_turn_and_slide():
     joint = rj.reduce(system, formulation=rj.JointCoordinates())
     ts = np.linspace(0, 0.5, 11)
     assert len(joint.along.numbers) == 4
-    one, other = (rj.simulate(x, ts, rtol=1e-11) for x in (system, joint))
+    one = rj.simulate(system, ts, rtol=1e-11, audit=False)
+    other = rj.simulate(joint, ts, rtol=1e-11)
     assert_close(other.q, one.q, SOLVED)
     assert_close(other.imbalance, 0 * ts, SOLVED, 100.0)
     assert_close(joint_power(joint), joint_power(system), IDENTITY, 100.0)
