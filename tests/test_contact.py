@@ -1,14 +1,17 @@
 """Contact and friction: restitution by an exact law, and a block on an incline."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
+from comparison import assert_close
 from scipy.optimize import brentq
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
+from romjax.integrate.default import default_method, start_frequencies
 
 G = 9.81
 MASS, STIFFNESS = 0.4, 2e5
@@ -18,6 +21,29 @@ def ball(y, speed, curve, **contact) -> rj.AbstractSystem:
     body = rj.RigidBody("ball", MASS, 0.01, position=(0.0, y), velocity=(0.0, speed))
     touch = rj.Contact(body.at(), rj.ground.at(), curve, stiffness=STIFFNESS, **contact)
     return rj.assemble(rj.Scene([body], [], [touch]))
+
+
+class Linear(rj.Contact):
+    """A force in proportion to the depth."""
+
+    def force(self, depth, inside, normal, rate):
+        return jnp.where(inside, self.stiffness * depth, 0.0) * normal
+
+
+def test_a_contact_is_as_stiff_as_its_own_law():
+    """The slope of k δ, and of k δ^(3/2) at a millimetre, decides on the method."""
+    body = rj.RigidBody("ball", MASS, 0.01, position=(0.0, 0.5))
+    ends, ts = (body.at(), rj.ground.at()), np.linspace(0.0, 1.0, 101)
+    for law, slope in ((Linear, 1.0), (rj.Contact, 1.5 * np.sqrt(1e-3))):
+        for stiffness, solver in ((1e6, diffrax.Dopri8), (3e10 * MASS, None)):
+            contact = law(*ends, rj.Line(), stiffness=stiffness)
+            system = rj.assemble(rj.Scene([body], [], [contact]))
+            start = start_frequencies(system, ts, system.q0, system.v0)
+            fast = np.sqrt(slope * stiffness / MASS)
+            assert_close(start.acting, fast, DIFFERENCED, fast)
+            method = default_method(system, ts, None, start).solver
+            expected = solver or (rj.Rodas5P if law is Linear else diffrax.Dopri8)
+            assert isinstance(method, expected)
 
 
 def test_restitution():

@@ -30,6 +30,11 @@ class Imbalance(NamedTuple):
     size: Float[Array, ""]
     rate: Float[Array, ""]
 
+    @classmethod
+    def none(cls, q: Float[Array, " n"]) -> "Imbalance":
+        zero = jnp.zeros((), q.dtype)
+        return cls(jnp.zeros_like(q), zero, zero)
+
 
 def imbalance_of(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], tangent: Tangent
@@ -37,8 +42,7 @@ def imbalance_of(
     """A step of Newton's method toward an equilibrium from rest, cut off in each mode."""
     basis, d = tangent.basis, tangent.basis.shape[1]
     if not d:
-        zero = jnp.zeros((), q.dtype)
-        return Imbalance(jnp.zeros_like(q), zero, zero)
+        return Imbalance.none(q)
     weights = _weights(system, t, q)
     # N has unit mass, and annihilates the forces of joints.
     push = multiply(basis.T, system.state(t, q, jnp.zeros_like(q)).force())

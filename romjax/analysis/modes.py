@@ -14,6 +14,7 @@ from ..common.checks import as_time, check_finite, check_shape
 from ..common.compat import is_outermost
 from ..common.errors import InputError
 from ..common.extras import data_frame
+from ..common.partition import detached
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system, refuse_states
 from .imbalance import Imbalance, imbalance_of, is_needed, warn_of_imbalance
@@ -108,11 +109,15 @@ def modes(
     refuse_slips("modes", system, v is not None and (known is None or bool(np.any(known))))
     seen = None if generator is not None else velocity
     independent = independent_constraints("modes", system, time, q, seen)
-    result, imbalance = _modes(system, time, q, velocity, independent, generator)
+    # Where JAX traces, and about what moves, nothing can be told.
+    tells = v is None and is_outermost()
+    result, imbalance = _modes(system, time, q, velocity, independent, generator, np.asarray(tells))
     warn_of_linear_bodies("modes", system, time, q, velocity)
-    if v is None and is_outermost() and is_needed(imbalance):
+    if tells and is_needed(imbalance):
         nearer = q + imbalance.step
-        there, _ = _modes(system, time, nearer, velocity, independent, generator)
+        there, _ = _modes(
+            system, time, nearer, velocity, independent, generator, np.zeros((), bool)
+        )
         warn_of_imbalance("modes", imbalance, result.frequencies, there.frequencies)
     return result
 
@@ -125,7 +130,9 @@ def _modes(
     v: Float[Array, " n"],
     independent: int,
     turning: Float[Array, "n n"] | None,
+    tells: Bool[Array | np.ndarray, ""],
 ) -> tuple[Modes, Imbalance]:
+    """The modes, and how far the state is from a balance, or none where nobody `tells`."""
     tangent = tangent_of(system, t, q, v, independent, turning)
     values, right = eigenvalues(tangent.matrix)
     frequencies, damping, chosen = _pairs(values)
@@ -138,7 +145,9 @@ def _modes(
     growth = jnp.max(values.real, initial=-jnp.inf)
     is_stable = growth <= _ROUNDED * jnp.max(jnp.abs(values), initial=1.0)
     found = Modes(frequencies, damping, values, shapes, is_stable, q, t)
-    return found, jax.lax.stop_gradient(imbalance_of(system, t, q, tangent))
+    still = detached(system, t, q, tangent)
+    none = Imbalance.none(q)
+    return found, jax.lax.cond(tells, lambda: imbalance_of(*still), lambda: none)
 
 
 def eigenvalues(

@@ -182,12 +182,22 @@ class _Pressed(AbstractMarkerEffect):
 
     def wrenches(self, t: Time, poses: Poses, twists: Twists) -> Wrenches:
         gap, _, wrenches = displacement(self.contact.room, poses, ())
-        # Its stiffness is the slope of k δ^(3/2) at that depth; twice as deep it is 1.2 times as
-        # fast.
-        spring = wrenches(-1.5 * _DEPTH**0.5 * self.contact.stiffness * gap)
+        # A law of one's own may have another exponent, so that the force itself is asked. Hertz's
+        # is 1.2 times as fast where it is twice as deep.
+        spring = wrenches(-self._stiffness(poses[0].position) * gap)
         own = self.contact.wrenches(t, poses, twists)
         chosen: Wrenches = jax.tree.map(partial(jnp.where, self.pressed), spring, own)
         return chosen
+
+    def _stiffness(self, like: Float[Array, " d"]) -> Float[Array, ""]:
+        """The slope of the normal force at rest over the depth [N/m], at that of `_DEPTH`."""
+        still = jnp.zeros_like(like)
+        normal = still.at[0].set(1)
+
+        def push(depth: Float[Array, ""]) -> Float[Array, ""]:
+            return self.contact.force(depth, jnp.ones((), bool), normal, lambda: still)[0]
+
+        return jax.grad(push)(jnp.asarray(_DEPTH, like.dtype))
 
     def check(self) -> None:
         """Nothing: the contact has been checked."""
