@@ -246,6 +246,32 @@ def test_files_and_events(tmp_path):
     assert again.scene.effects[0].name == "pid"
 
 
+def balanced(integrals, begun):
+    """The equilibrium of the mass on its spring with two controllers, without damping."""
+    pids = [
+        rj.PID(RAIL, GROUND, rj.Constant(TARGET), 100.0, gain, motion="travel", start=z, name=name)
+        for gain, z, name in zip(integrals, begun, ("one", "two"), strict=True)
+    ]
+    spring = rj.Spring(RAIL, rj.ground.at((-1.0, 0.0)), STIFFNESS, rest_length=1.0)
+    return rj.equilibrium(rj.assemble(cart(*pids, spring)))
+
+
+def test_states_that_nothing_changes_stay_in_an_equilibrium():
+    """The integral parts z' = I e of what has none, as that of a PID without I, and the sum I₂ z₁ −
+    I₁ z₂ of two that have one: they act as forces that no motion gets rid of.
+    """
+    begun, held = np.array([5.0, -2.0]), STIFFNESS * TARGET
+    for integrals in ((0.0, 0.0), (400.0, 0.0), (400.0, 100.0)):
+        q = balanced(integrals, begun)
+        left = held - np.sum(begun)
+        shares = np.array(integrals) / max(sum(integrals), 1.0)
+        controlled = (200 * TARGET + np.sum(begun)) / (200 + STIFFNESS)
+        assert abs(q[0] - (TARGET if any(integrals) else controlled)) <= EXACT
+        assert np.allclose(q[-2:], begun + left * shares, rtol=0, atol=EXACT)
+        slope = jax.grad(lambda z, integrals=integrals: balanced(integrals, z)[0])(begun)
+        assert np.allclose(slope, 0.0 if any(integrals) else 1 / (200 + STIFFNESS), atol=EXACT)
+
+
 class Lagging(rj.AbstractStateEffect):
     """A force on one marker that follows its speed late."""
 

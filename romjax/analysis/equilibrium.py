@@ -82,8 +82,9 @@ def equilibrium(
     length are the last resort. What forces push and nothing resists yet, as a
     contact that just touches, moves along them. States of effects are found with it, and are in
     their places in q, so that `linearize` and `simulate` begin there with them. Neutral motions,
-    which no force resists, stay as they are at the start, as do lengths of quaternions; joints may
-    repeat each other. Wheels roll there in a few steps along their tangents, so that how far they
+    which no force resists, stay as they are at the start, as do lengths of quaternions and states
+    that nothing changes, such as the integral part of a controller without one; joints may repeat
+    each other. Wheels roll there in a few steps along their tangents, so that how far they
     have turned is known roughly, to some thousandths. Moments of inertia play no part. Whether the
     equilibrium is stable says `modes(system, q).is_stable`.
 
@@ -116,7 +117,8 @@ def equilibrium(
         solution = reached.q
     position: Float[Array, " n"] = solution
     if not is_outermost():
-        position = _differentiable(system, time, solution, reached.multipliers)
+        begun = q[np.array(system.structure.states, int)]
+        position = _differentiable(system, time, solution, reached.multipliers, begun)
     still = jnp.zeros_like(position)
     warn_of_linear_bodies("equilibrium", system, time, position, still)
     return position
@@ -160,7 +162,8 @@ def _solve(system: AbstractSystem, t: Float[Array, ""], q0: Float[Array, " n"]) 
         def step(x: tuple[Array, Array, Array, Array, Array], _: None) -> tuple[Any, None]:
             at = x[:2]
             matrix, residual = statics.linearized(*at)
-            linear, unbalanced = Linear.of(matrix, sizes), residual - (1 - load) * forces
+            linear = Linear.of(matrix, sizes, system.structure.states)
+            unbalanced = residual - (1 - load) * forces
             change = linear.solve(unbalanced)
             balanced = linear.balances(unbalanced, *at, largest)
             free = jnp.where(balanced, 0, linear.unresisted(unbalanced, change, forces))
@@ -253,14 +256,19 @@ def _differentiable(
     t: Float[Array | np.ndarray, ""],
     q: Float[Array | np.ndarray, " n"],
     multipliers: Float[Array | np.ndarray, " M"],
+    begun: Float[Array, " k"],
 ) -> Float[Array, " n"]:
-    """The same q, with the derivative −J⁺ ∂F of the residual F and Newton's matrix J."""
+    """The same q, with the derivative −J⁺ ∂F of the residual F and Newton's matrix J; of states
+    that stay, that of what they have `begun` with.
+    """
     position, held = (jnp.asarray(jax.lax.stop_gradient(x)) for x in (q, multipliers))
     (fixed,) = detached(Statics(system, jnp.asarray(t), position))
     matrix, _ = fixed.linearized(position, held)
-    linear = Linear.of(matrix, displacements(fixed.system, fixed.t, position))
+    sizes = displacements(fixed.system, fixed.t, position)
+    linear = Linear.of(matrix, sizes, system.structure.states)
     right = Statics(system, jnp.asarray(t), position).residual(position, held)
     # Zero in value, with the derivative −K⁻¹ ∂r of the implicit function theorem in both modes.
-    change = linear.solve(right - jax.lax.stop_gradient(right))
+    right, moved = (x - jax.lax.stop_gradient(x) for x in (right, begun))
+    change = linear.solve(right, -moved)
     corrected: Float[Array, " n"] = position - change[: system.n]
     return corrected

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..linalg.dense import multiply
@@ -68,37 +69,66 @@ class Statics(NamedTuple):
 
 class Linear(NamedTuple):
     """A `matrix` of statics and its sizes: `displacements` (n,) of the coordinates, of the `rows`
-    of C_q by them (M,), and the `energy` [J] of the stiffest one.
+    of C_q by them (M,), the `energy` [J] of the stiffest one, and what `stays` of the `states` of
+    effects, rows (k, k) of the changes that their rates know nothing of.
     """
 
     matrix: Float[Array, "n_plus_M n_plus_M"]
     displacements: Float[Array, " n"]
     rows: Float[Array, " M"]
     energy: Float[Array, ""]
+    stays: Float[Array, "k k"] | None = None
+    states: tuple[int, ...] = ()
 
     @classmethod
     def of(
-        cls, matrix: Float[Array, "n_plus_M n_plus_M"], displacements: Float[Array, " n"]
+        cls,
+        matrix: Float[Array, "n_plus_M n_plus_M"],
+        displacements: Float[Array, " n"],
+        states: tuple[int, ...] = (),
     ) -> "Linear":
         n = len(displacements)
         rows = jnp.max(jnp.abs(matrix[n:, :n]) * displacements[None], axis=1, initial=0.0)
         stiffness = displacements[:, None] * jnp.abs(matrix[:n, :n]) * displacements[None]
         energy = jnp.max(stiffness, initial=0.0)
-        return cls(
+        linear = cls(
             matrix, displacements, jnp.where(rows > 0, rows, 1), jnp.where(energy > 0, energy, 1)
         )
+        return linear._replace(stays=linear._staying(states), states=states) if states else linear
 
-    def solve(self, right: Float[Array, " n_plus_M"]) -> Float[Array, " n_plus_M"]:
+    def solve(
+        self, right: Float[Array, " n_plus_M"], begun: Float[Array, " k"] | None = None
+    ) -> Float[Array, " n_plus_M"]:
         """The least squares solution that moves neutral directions least.
 
         Displacements are as large as the mechanism, and joints as stiff as the stiffest part, so
-        that a singular value is the stiffness of a motion relative to that.
+        that a singular value is the stiffness of a motion relative to that. What stays of states is
+        that of `begun`, of nothing unless given.
         """
         scale = self._scale
         rounded = _NEUTRAL * float(jnp.finfo(right.dtype).eps)
-        scaled = scale[:, None] * self.matrix * scale[None]
-        solution: Array = jnp.linalg.lstsq(scaled, scale * right, rcond=rounded)[0]
+        scaled, right = scale[:, None] * self.matrix * scale[None], scale * right
+        if self.stays is not None:
+            rows = np.array(self.states)
+            scaled = scaled.at[rows[:, None], rows].add(self.stays)
+            if begun is not None:
+                right = right.at[rows].add(multiply(self.stays, begun / scale[rows]))
+        solution: Array = jnp.linalg.lstsq(scaled, right, rcond=rounded)[0]
         return scale * solution
+
+    def _staying(self, states: tuple[int, ...]) -> Float[Array, "k k"]:
+        """The rows of sums of states whose rates are zero whatever moves, such as the integral part
+        of a controller without one: no motion changes these, which act as forces all the same.
+        """
+        scale, rows = self._scale, np.array(states)
+        rates = scale[rows][:, None] * self.matrix[rows] * scale[None]
+        lengths = jnp.linalg.norm(rates, axis=1, keepdims=True)
+        lengths = jnp.where(lengths > 0, lengths, 1)
+        # Rows of unit length, since rates of a pressure and of an angle differ by any factor.
+        rates = rates / lengths
+        rounded = float(jnp.finfo(rates.dtype).eps) ** 0.5
+        onto = multiply(rates, jnp.linalg.pinv(rates, rtol=rounded))
+        return lengths * (jnp.eye(len(rows), dtype=rates.dtype) - onto) / lengths.T
 
     def unresisted(
         self,

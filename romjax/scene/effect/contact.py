@@ -197,7 +197,8 @@ class _Pressed(AbstractMarkerEffect):
         def push(depth: Float[Array, ""]) -> Float[Array, ""]:
             return self.contact.force(depth, jnp.ones((), bool), normal, lambda: still)[0]
 
-        return jax.grad(push)(jnp.asarray(_DEPTH, like.dtype))
+        slope: Float[Array, ""] = jax.grad(push)(jnp.asarray(_DEPTH, like.dtype))
+        return slope
 
     def check(self) -> None:
         """Nothing: the contact has been checked."""
