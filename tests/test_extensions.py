@@ -1,8 +1,11 @@
 """A scene with parts and a basis of one's own: assembled, run, drawn, saved and reduced."""
 
 import pickle
+from collections.abc import Callable
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
@@ -22,6 +25,34 @@ from romjax.pages.report import _write_csv
 RANKS = {"galerkin": 4, "minimal": 2}
 # Required of the belt in a run of the full system, whose stabilisation keeps constraints loosely.
 VIOLATED = 1e-6
+
+
+class Network(eqx.Module):
+    """One unit, whose activation is a function among its leaves, as in networks of equinox."""
+
+    weight: jax.Array
+    activation: Callable
+
+    def __call__(self, x):
+        return self.activation(self.weight * x)
+
+
+class Learned(rj.AbstractMarkerEffect):
+    """A torque by a network."""
+
+    a: rj.Marker
+    b: rj.Marker
+    network: Network
+    needs_twists = False
+
+    def wrenches(self, t, poses, twists):
+        del t, twists
+        torque = self.network(poses[0].angle)
+        still = jnp.zeros_like(poses[0].position)
+        return rj.Wrench(still, torque), rj.Wrench(still, -torque)
+
+    def check(self):
+        pass
 
 
 class Magnet(rj.AbstractPotential):
@@ -81,6 +112,21 @@ def test_the_parts_act(scene, motion):
     pull = np.subtract(start_force(system), start_force(rj.assemble(without)))
     gap = np.array([0.0, -1.0]) - np.array([0.4, -1.2])
     assert_close(pull[:2], -2 * 0.5 * gap / (1 + gap @ gap) ** 2, 1e-12)
+
+
+def test_networks_act():
+    """Of two equal ones with other weights, each turns its own body."""
+    bodies = [rj.RigidBody(name, 1.0, 0.1, angle=0.3) for name in ("first", "second")]
+    weights = np.array([0.7, -1.2])
+    effects = [
+        Learned(body.at(), rj.ground.at(), Network(jnp.asarray(weight), jnp.tanh))
+        for body, weight in zip(bodies, weights, strict=True)
+    ]
+    scene = rj.Scene(bodies, [], effects)
+    system = rj.assemble(scene)
+    assert len(system.effects) == 1
+    assert_close(np.asarray(start_force(system))[[2, 5]], np.tanh(0.3 * weights), 1e-12)
+    assert len(outlines(scene, 0.0, np.asarray(system.q0)[None])) >= 2
 
 
 def test_they_are_drawn(scene, motion, basis):

@@ -3,9 +3,7 @@
 import itertools
 from collections.abc import Sequence
 
-import jax.tree_util as jtu
-
-from ..common.arrays import as_array, concatenate
+from ..common.arrays import as_arrays, concatenate
 from ..common.checks import check_kind
 from ..common.errors import SceneError
 from ..linalg.indexing import Index
@@ -49,7 +47,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     scene.check()
     check_held(scene)
     # A Python number that was put in by hand would be static and recompile at every change.
-    scene = _begun(jtu.tree_map(as_array, scene))
+    scene = _begun(as_arrays(scene))
 
     acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
     clocks = [e for e in scene.effects if isinstance(e, Sampled)]

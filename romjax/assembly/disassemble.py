@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.tree_util as jtu
 
-from ..common.arrays import as_array, pick
+from ..common.arrays import as_arrays, pick
 from ..scene.marker import GROUND, Marker
 from ..scene.placing import from_centre
 from ..scene.scene import Scene
@@ -47,8 +47,7 @@ def disassemble(system: AssembledSystem) -> Scene:
             effects.append(_named(mark(member(acting.effects, row), row), next(names)))
     effects += [controller.sampled for controller in system.controllers]
     scene = Scene(_in_order(bodies), _in_order(joints), effects)
-    arrays: Scene = jtu.tree_map(as_array, scene)
-    return arrays
+    return as_arrays(scene)
 
 
 def _in_order(parts: dict[int, Any]) -> list[Any]:

@@ -5,11 +5,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.arrays import Vector, as_array, as_jax
+from ..common.arrays import Vector, as_arrays, as_jax
 from ..common.checks import unknown_name
 from ..common.errors import InputError
 from ..compiling.program import program_once
@@ -59,7 +58,7 @@ def outlines(
 
     Raises ValueError if `q` is not one of this scene, InputError for a marker that it lacks.
     """
-    scene = jtu.tree_map(as_array, scene)
+    scene = as_arrays(scene)
     bodies = {body.name: body for body in scene.bodies}
     columns, n = columns_of(scene.bodies)
     q = bodies_coordinates((*scene.joints, *scene.effects), np.asarray(q), n)

@@ -1,14 +1,17 @@
 """Types of numbers that users may give, and their conversion to arrays."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import jax
 import jax.numpy as jnp
+import jax.tree_util as jtu
 import numpy as np
 from jaxtyping import Array, ArrayLike, Real
 
 from .compat import is_outermost, is_traced
+
+T = TypeVar("T")
 
 Number = ArrayLike
 # Sequences of sequences, three deep, as lists of matrices are. Not Sequence[Any], nor a type that
@@ -35,6 +38,20 @@ def as_array(value: Any) -> Array:
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
         return as_jax(value.astype(dtype, copy=False))
     return jnp.asarray(value, dtype=dtype)
+
+
+def as_arrays(tree: T) -> T:
+    """A pytree with each number as an array.
+
+    Functions in it, such as the activations of a network, become a part of its structure: as leaves
+    neither JAX takes them, nor can equal parts be stacked.
+    """
+
+    def converted(leaf: Any) -> Any:
+        return jtu.Partial(leaf) if callable(leaf) else as_array(leaf)
+
+    changed: T = jtu.tree_map(converted, tree)
+    return changed
 
 
 def as_jax(array: Array | np.ndarray) -> Array:
