@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
@@ -33,7 +34,8 @@ PARTS = {
     if getattr(part, "__module__", None) == module.__name__ and callable(part)
 } | {name: part for name, part in vars(rj).items() if not name.startswith("_")}
 
-ROOTS = {"rj": rj, "romjax": rj, "diffrax": diffrax, "jax": jax, "jnp": jnp, "optax": optax}
+ROOTS = {"rj": rj, "romjax": rj, "diffrax": diffrax, "eqx": eqx, "jax": jax, "jnp": jnp}
+ROOTS |= {"optax": optax}
 # What documents call an instance of a class.
 INSTANCES = {
     "arm": rj.Scene,

@@ -6,6 +6,9 @@ from typing import Any
 
 import pytest
 from names import MODULES, PARTS, parameters, public
+from signatures import signature_text
+
+import romjax as rj
 
 pytestmark = pytest.mark.instant
 
@@ -79,3 +82,9 @@ def test_parameters_are_named():
         missing[place] = set(parameters(part)) - named(text) - {"self"}
     assert len(missing) > 100
     assert {place: names for place, names in missing.items() if names} == {}
+
+
+def test_signatures_have_no_types_as_strings():
+    """A union with a class that is not defined yet is a string in the source."""
+    shown = signature_text(rj.AbstractMarkerEffect.acting, {})
+    assert shown == ("(self, acts: Bool[Array, ''])", "AbstractMarkerEffect | None")

@@ -47,8 +47,12 @@ class _Named(ast.NodeTransformer):
         return self._name(node.id) or node
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        """Of a class that is not defined yet, the name is a string."""
-        return (self._name(node.value) if isinstance(node.value, str) else None) or node
+        """Of a class that is not defined yet, the name is a string, and so is a union with it."""
+        if not isinstance(node.value, str):
+            return node
+        if " | " in node.value:
+            return self.visit(ast.parse(node.value, mode="eval").body)
+        return self._name(node.value) or node
 
     def _name(self, name: str) -> ast.Name | None:
         part = self.known.get(name)
