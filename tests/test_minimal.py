@@ -1,6 +1,7 @@
 """Reduction in minimal coordinates: open chains, closed loops, moving supports."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -185,6 +186,35 @@ def test_a_moving_support():
     for solver in (None, rj.Rodas5P()):
         approx = rj.simulate(rom, motion.t, solver=solver, **settings)
         assert rj.compare(motion, approx).error <= 10 * SOLVED
+
+
+def clamped(angle) -> rj.AbstractSystem:
+    """A bar on a hinge at the end of one that is clamped at an angle."""
+    half = 0.5 * np.array([np.cos(angle), np.sin(angle)])
+    base = rj.RigidBody("base", 1.0, 0.1, position=half, angle=angle)
+    bar = rj.RigidBody("bar", 0.5, 0.05, position=2 * half + [0.4, 0.0])
+    clamp = rj.Weld(base.at((-0.5, 0.0)), rj.ground.at((0.0, 0.0), angle))
+    hinge = rj.Revolute(bar.at((-0.4, 0.0)), base.at((0.5, 0.0)))
+    return rj.assemble(rj.Scene([base, bar], [clamp, hinge], [rj.Gravity()]))
+
+
+def test_another_clamp():
+    """Where another system holds a body elsewhere, what hangs on it follows."""
+    first, other = clamped(0.2), clamped(1.2)
+    rom = rj.reduce(first, rj.Basis.from_modes(np.eye(first.n)[:, -1:], first.q0), "minimal")
+    assert rom.n == 1
+    moved = rom.with_full(other)
+    q, violation, rate = placed(moved, moved.q0 + 0.1)
+    assert_close(q[:2], other.q0[:2], SOLVED)
+    assert_close(violation, np.zeros(first.m), SOLVED)
+    assert_close(rate, np.zeros(first.m), SOLVED)
+
+
+@eqx.filter_jit
+def placed(rom, z):
+    """The physical coordinates of a model, the constraints there, and their rates."""
+    q, v = rom.reconstruct(0.0, z, jnp.ones_like(z))
+    return q, *jax.jvp(lambda q: rom.full.constraint(0.0, q), (q,), (v,))
 
 
 @pytest.mark.exhaustive

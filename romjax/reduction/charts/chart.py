@@ -14,6 +14,8 @@ from ...system.base import AbstractSystem
 
 # Up to so many dependent coordinates a matrix is as fast as sums along branches.
 _DENSE = 100
+# Steps of Newton's method towards the coordinates that another system holds.
+_STEPS = 8
 
 
 class Chart(eqx.Module):
@@ -26,6 +28,7 @@ class Chart(eqx.Module):
       closed form. Y and W are then columns of the unit matrix, and `order` says which:
       q − q̄ is (s, d)[order]. Else the columns are orthonormal in the mass metric.
     - `forest`: the pattern of ∂C/∂d, where it is constant and links many d like a forest.
+    - `held`: whether that holds only while coordinates stay which joints to the ground hold.
     """
 
     independent: np.ndarray
@@ -35,10 +38,15 @@ class Chart(eqx.Module):
     affine: bool = eqx.field(static=True)
     order: tuple[int, ...] = eqx.field(static=True, default=())
     forest: Forest | None = eqx.field(static=True, default=None)
+    held: bool = eqx.field(static=True, default=False)
 
     @classmethod
     def of_coordinates(
-        cls, dependent: np.ndarray, rows: tuple[int, ...], slopes: np.ndarray
+        cls,
+        dependent: np.ndarray,
+        rows: tuple[int, ...],
+        slopes: np.ndarray,
+        held: bool = False,
     ) -> "Chart":
         """An affine chart whose dependent coordinates have the numbers `dependent`, of a system
         with ∂C/∂q = `slopes` (m, n) of the constraints `rows`.
@@ -47,7 +55,8 @@ class Chart(eqx.Module):
         unit, others = np.eye(n), np.setdiff1d(np.arange(n), dependent)
         order = tuple(int(i) for i in np.argsort(np.concatenate([others, dependent])))
         forest = Forest.of(slopes[:, dependent]) if len(dependent) > _DENSE else None
-        return cls(unit[:, others], unit[:, dependent], unit[others], rows, True, order, forest)
+        columns = unit[:, others], unit[:, dependent], unit[others]
+        return cls(*columns, rows, True, order, forest, held)
 
     def ordered(self, s: Float[Array, "d *r"], d: Float[Array, "m *r"]) -> Float[Array, "n *r"]:
         """The coordinates of an affine chart in the order of q."""
@@ -91,6 +100,17 @@ class Chart(eqx.Module):
         """∂C/∂d = C_q W."""
         return _dependent_matrix(self, system, t, q)
 
+    def held_by(
+        self, system: AbstractSystem, t: Time, offset: Float[Array, " n"], d: Float[Array, " m"]
+    ) -> tuple[Float[Array, " m"], Float[Array, "m m"]]:
+        """Return d at s = 0 in an affine chart of another system, as it is unless that may hold
+        coordinates elsewhere, and the constant ∂C/∂d.
+        """
+        q = offset
+        if self.held:
+            d, q = _held_by(self, system, t, offset, d)
+        return d, self.dependent_matrix(system, t, q)
+
     def dependent_inverses(
         self, system: AbstractSystem, t: Float[Array, " K"], q: Float[Array, "K n"]
     ) -> Float[Array, "K m m"]:
@@ -126,6 +146,22 @@ def _dependent_matrix(
     if not chart.rows:
         return jnp.zeros((0, 0), q.dtype)
     return chart.jacobian(system, t, q) @ jnp.asarray(chart.dependent, q.dtype)
+
+
+@program_once
+def _held_by(
+    chart: Chart, system: AbstractSystem, t: Time, offset: Float[Array, " n"], d: Float[Array, " m"]
+) -> tuple[Float[Array, " m"], Float[Array, " n"]]:
+    none = jnp.zeros(len(offset) - len(d), offset.dtype)
+    dependent = jnp.asarray(chart.dependent, offset.dtype)
+
+    def newton(d: Array, _: None) -> tuple[Array, None]:
+        q = offset + chart.ordered(none, d)
+        matrix = chart.jacobian(system, t, q) @ dependent
+        return d - jnp.linalg.solve(matrix, chart.constraint(system, t, q)), None
+
+    d, _ = jax.lax.scan(newton, d, None, length=_STEPS)
+    return d, offset + chart.ordered(none, d)
 
 
 @program_once

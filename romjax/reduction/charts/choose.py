@@ -155,7 +155,7 @@ def _closed_form(
     if abs(r[-1, rank - 1]) <= abs(r[0, 0]) / WORST_CONDITION:
         return None
     dependent = np.sort(pivots[:rank])
-    chart = Chart.of_coordinates(dependent, rows, varied[0])
+    chart = Chart.of_coordinates(dependent, rows, varied[0], held.size > 0)
     return Candidate(chart, float(np.linalg.cond(varied[0][:, dependent])))
 
 

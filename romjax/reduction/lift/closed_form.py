@@ -44,8 +44,8 @@ class ClosedFormLift(AbstractLift):
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
     def with_full(self, full: AbstractSystem) -> "ClosedFormLift":
-        matrix = self.chart.dependent_matrix(full, self.time, self.offset)
-        return dataclasses.replace(self, inverse=inverted(matrix, self.chart.forest))
+        guess, matrix = self.chart.held_by(full, self.time, self.offset, self.guess)
+        return dataclasses.replace(self, guess=guess, inverse=inverted(matrix, self.chart.forest))
 
     def _violation(self, full: AbstractSystem, t: Time, z: Reduced) -> Float[Array, " m"]:
         """The constraints where d is that of the guess."""
