@@ -168,6 +168,10 @@ def test_states_that_the_drive_contradicts():
             verb(system, t=0.5)
     found = rj.modes(system, turning=SPEED)
     assert_close(found.frequencies, [np.sqrt(1.5) * SPEED], EXACT)
+    with pytest.raises(
+        rj.InputError, match=r"PrescribedAngle.* moves by 2 /s and turning makes it move by 3, so"
+    ):
+        rj.modes(system, turning=SPEED + 1)
 
 
 def linear_model(system, **at):

@@ -18,7 +18,7 @@ from ..common.partition import detached
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system, refuse_states
 from .imbalance import Imbalance, imbalance_of, is_needed, warn_of_imbalance
-from .tangent import independent_constraints, refuse_clocks, refuse_slips, tangent_of
+from .tangent import check_turn, independent_constraints, refuse_clocks, refuse_slips, tangent_of
 from .turning import turn
 
 # What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
@@ -85,7 +85,8 @@ def modes(
 
     Warns where the state is not in balance and the frequencies depend on it, unless `v` is given.
     Raises InputError for a wrong shape, a state that the constraints contradict, effects with
-    first-order states, or for `turning` of a system without bodies.
+    first-order states, or for `turning` of a system without bodies or with a drive that moves at
+    another rate.
     """
     check_system("modes", system)
     remedy = "have no frequency; take the eigenvalues of romjax.linearize(system, {}, {}).A"
@@ -100,6 +101,7 @@ def modes(
         if v is not None:
             raise InputError("modes: v and turning are given; turning implies the velocity.")
         generator, v = turn("modes", system, turning, time, q)
+        check_turn("modes", system, time, q, v)
     if v is None:
         system = standing(system, time)
     velocity = jnp.zeros_like(q) if v is None else as_array(v)

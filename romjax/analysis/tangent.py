@@ -17,6 +17,7 @@ from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate
 from ..system.dynamics import linearize as derivatives_of_acceleration
+from ..system.mobility import moves
 from ..system.start import Start
 
 # A state contradicts the constraints that it violates by more than this share of the mechanism's
@@ -141,6 +142,31 @@ def _check_state(owner: str, system: AbstractSystem, state: Start, rates: bool) 
             "/s by the velocity that is asked about; leave v out for a mechanism at rest whose "
             "drives stand, or take one of romjax.consistent(system, q, v, t).",
             part=names[fastest],
+        )
+
+
+def check_turn(
+    owner: str, system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Array
+) -> None:
+    """Raise InputError, beginning with `owner`, where a drive moves at a rate that a mechanism that
+    turns with the velocities `v` does not have: then it does not turn steadily.
+    """
+    if system.m == 0 or not moves(system):
+        return
+    (_, still), (_, turned) = (_constraints(system, t, q, x) for x in (jnp.zeros_like(v), v))
+    rates, left, allowed = (concrete(x) for x in (still.rate, turned.rate, turned.allowed_rate))
+    if rates is None or left is None or allowed is None:
+        return
+    # The ground turns too, so that joints to it are asked for nothing unless they move by
+    # themselves.
+    wrong = np.flatnonzero((np.abs(rates) > allowed) & (np.abs(left) > allowed))
+    if wrong.size:
+        name, row = system.structure.constraints[wrong[0]], wrong[0]
+        raise InputError(
+            f"{owner}: {name} moves by {float(-rates[row]):.3g} /s and turning makes it move by "
+            f"{float(left[row] - rates[row]):.3g}, so that the mechanism does not turn steadily; "
+            "give turning the angular velocity of the drive, or v, the velocities of one moment.",
+            part=name,
         )
 
 
