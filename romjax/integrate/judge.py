@@ -14,11 +14,18 @@ from ..system.base import AbstractSystem, Run
 from ..system.flags import Flag
 from ..system.stabilization import Stabilization
 from ..system.start import Start
+from .follow.phase import Phase
 from .integration import Integrated
-from .resolution import is_resolved
+from .resolution import allowed_share, is_resolved
 from .settings import Settings
 from .status import Status
 
+# Angles [rad] that are wrong by less are not told of, so that a smaller rtol is a cure; nor those
+# below the second number in fixed steps, for which there is no tolerance.
+_FINE, _OFF = 1e-4, 0.05
+# In space, where the speed of a body depends on its energy and on its angular momentum, errors of
+# methods of even order, which gain less energy than they err by, are so many times what it says.
+_EVEN = 4.0
 # A joint whose violation exceeds this share of the mechanism's size has come apart, not drifted.
 _APART = 1e-2
 # A violation may be so many times the tolerance of the step size control, relative to the size.
@@ -59,7 +66,7 @@ def judge(
     extent = Extent.of(run.outputs.q, run.outputs.v)
     flags = _flags(system, run, end, extent, settings)
     if run.findings is not None:
-        flags |= run.findings.flags
+        flags |= run.findings.flags | _phase_flag(system, run.findings.phase, settings)
     used = settings.baumgarte or settings.projection
     atol = _absolute(extent, settings)
     return Judgement(end.steps, end.accepted, start, status, flags, atol, used)
@@ -176,6 +183,19 @@ def _flags(
         motion = Run(ts, own.q, own.v, outputs.q, outputs.violation, drift)
         flags |= system.validity.flags(system, motion)
     return flags
+
+
+def _phase_flag(
+    system: AbstractSystem, phase: Phase | None, settings: Settings
+) -> Int[Array, ""] | int:
+    """The flag of a run whose bodies have turned too often for its tolerances."""
+    if phase is None:
+        return 0
+    even = (settings.solver.order(None) or 0) % 2 == 0
+    factor = _EVEN if even and system.full.structure.quaternions else 1.0
+    controlled = jnp.maximum(_FINE, allowed_share(jnp.asarray(settings.rtol)))
+    allowed = controlled if settings.dt is None else _OFF
+    return (factor * phase.angle > allowed) * int(Flag.PHASE)
 
 
 def _absolute(extent: Extent, settings: Settings) -> Float[Array, ""]:

@@ -63,11 +63,16 @@ def is_resolved(
     # Negated, since of numbers that are not finite nothing is known: that they are not is said.
     given = ~(jnp.max(share) < jnp.minimum(_SHARE / tolerances.rtol, _ENOUGH))
     rounding = _USUAL * tolerances.rounding(reach) * steps**1.5
-    least = _DIGITS * jnp.finfo(q0.dtype).eps
-    allowed = jnp.maximum(_ALLOWED * jnp.maximum(tolerances.rtol, least), _FINE)
+    allowed = allowed_share(tolerances.rtol)
     distance = motion.distance if seen is None else jnp.maximum(motion.distance, seen.sizes[0])
     followed = jnp.any(motion.counts & ~(rounding > allowed * distance))
     return ~jnp.any(motion.counts) | jnp.where(follow, followed, given)
+
+
+def allowed_share(rtol: Float[Array, ""]) -> Float[Array, ""]:
+    """By what share of its size a motion may be wrong before it has a flag."""
+    least = _DIGITS * jnp.finfo(rtol.dtype).eps
+    return jnp.maximum(_ALLOWED * jnp.maximum(rtol, least), _FINE)
 
 
 def finer(structure: Structure, settings: Settings, run: Trajectory) -> Settings:

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ...assembly.assembled import controllers_of
+from ...common import compat
 from ...linalg.dense import multiply
 from ...march.follower import AbstractFollower, Step
 from ...march.steps import Progress
@@ -23,6 +25,7 @@ from ...system.state import AbstractState, Power
 from ..post_step import PostStep
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
+from .phase import Phase, Response, spins_of
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -35,6 +38,7 @@ class Findings(NamedTuple):
     branching: Branching | None  # None where constraints cannot lose rank, or are projected
     beyond: Bool[Array, ""] | None  # whether an effect passed its limit; None where none has one
     lengths: Float[Array, " rows"] | None  # the largest of each row of constraints, so far
+    phase: Phase | None  # None where no body turns, or angles follow drives
 
     @property
     def flags(self) -> Int[Array, ""]:
@@ -74,8 +78,12 @@ class Audit(AbstractFollower):
             # The first step has them: at the start they would be a part of the program once more.
             rows = jax.eval_shape(lambda: self._at(start.t, start.y)[1].kkt().lengths())
             lengths = jnp.zeros(rows.shape, rows.dtype)
-        within = self._limits(start) is None
-        return Findings(balance, branching, None if within else jnp.zeros((), bool), lengths)
+        beyond = None if self._limits(start) is None else jnp.zeros((), bool)
+        phase = None
+        if self.watches_phases:
+            state = self._at(start.t, start.y)[1]
+            phase = Phase.start(spins_of(self.system.full, state.q, state.v))
+        return Findings(balance, branching, beyond, lengths, phase)
 
     @property
     def watches_branches(self) -> bool:
@@ -83,6 +91,15 @@ class Audit(AbstractFollower):
         that Baumgarte's terms act against.
         """
         return self.system.structure.loops and self.stabilization is not None
+
+    @property
+    def watches_phases(self) -> bool:
+        """Whether angles drift where energy does: not those that follow drives, nor those to which
+        a controller holds them, of whose answer the state at one time says nothing.
+        """
+        full = self.system.full
+        driven = full.m > 0 and moves(full)
+        return bool(full.structure.frames) and not driven and not controllers_of(full)
 
     def follow(self, step: Step, seen: Findings) -> Findings:
         """Return the findings with a step added, if it was accepted."""
@@ -102,7 +119,15 @@ class Audit(AbstractFollower):
         if beyond is not None:
             # Limits pass zero once within a step, since its errors see what happens there.
             beyond |= jnp.any(self._limits(before) * self._limits(after) < 0)
-        new = Findings(seen.balance.follow(after.t, now, work), branching, beyond, lengths)
+        balance = seen.balance.follow(after.t, now, work)
+        phase = seen.phase
+        if phase is not None:
+            state, h = self._at(after.t, after.y)[1], after.t - before.t
+            spins = spins_of(self.system.full, state.q, state.v)
+            response = self._response(after.t, state, h, -work.dissipation)
+            gained = balance.imbalance - seen.balance.imbalance
+            phase = phase.follow(h, spins, now.kinetic, gained, response)
+        new = Findings(balance, branching, beyond, lengths, phase)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)
         return chosen
 
@@ -165,6 +190,24 @@ class Audit(AbstractFollower):
         # A loop, not a batch, which takes twice as long for so few.
         total: Power = jax.lax.scan(add, nothing, (places, weights))[0]
         return total
+
+    def _response(self, t: Array, state: AbstractState, h: Array, taken: Array) -> Response:
+        """How forces act against a motion that is early; `taken`: by dampers in the step h [J]."""
+        full = self.system.full
+
+        def supply(t: Array, faster: Array) -> Array:
+            v = state.v + faster * full.structure.without_states(state.v)
+            power = full.state(t, state.q, v).power()
+            return zero if power is None else power.supply
+
+        zero = jnp.zeros_like(t)
+        faster, early = taken, zero
+        if compat.depends_on_first(lambda faster, t: supply(t, faster), zero, t):
+            # The power changes by P too, which a motion has that is only early.
+            given, more = jax.jvp(lambda faster: supply(t, faster), (zero,), (zero + 1,))
+            faster += h * jnp.maximum(given - more, 0)
+            early = h * jnp.maximum(jax.jvp(lambda t: supply(t, zero), (t,), (zero + 1,))[1], 0)
+        return Response(faster, early)
 
     def _drive(self, system: AbstractSystem, state: AbstractState, t: Array, y: Any) -> Array:
         """The power of joints that move with time.

@@ -1,0 +1,100 @@
+"""Bodies that turn more often than tolerances allow for: a flag tells, and only there."""
+
+import jax
+import numpy as np
+import pytest
+from comparison import assert_close
+from scipy.integrate import solve_ivp
+from test_many_turns import ALLOWED, CASES, RTOL, SPIN, TIGHT, TURNS, tip
+from zoo import GRAVITY, RODAS5P, bar
+
+import romjax as rj
+
+# Estimates and thresholds of them are right by this factor.
+CLEAR = 5.0
+TORQUE, TS = 8.0, np.linspace(0.0, 5.0, 101)
+
+
+def driven(strength=TORQUE) -> rj.Scene:
+    """A pendulum that hangs at rest until a torque makes it go round, 45 times in 5 s."""
+    scene = bar(angle=-np.pi / 2)
+    torque = rj.Torque(scene.bodies[0].at(), rj.Constant(strength))
+    return rj.Scene(scene.bodies, scene.joints, [*scene.effects, torque])
+
+
+def true_driven(ts) -> np.ndarray:
+    """φ'' = −3 g cos φ / (2 L) + 3 τ / (m L²) of a bar of one metre and one kilogram."""
+    seen = solve_ivp(
+        lambda t, y: [y[1], -1.5 * GRAVITY * np.cos(y[0]) + 3 * TORQUE],
+        (0.0, ts[-1]), [-np.pi / 2, 0.0], t_eval=ts, **TIGHT,
+    )  # fmt: skip
+    return np.stack([np.cos(seen.y[0]), np.sin(seen.y[0])], -1)
+
+
+def test_a_body_that_a_torque_turns_later():
+    """Nothing at its start tells its turns."""
+    system, truth = rj.assemble(driven()), true_driven(TS)
+    with pytest.warns(
+        UserWarning, match="simulate: its bodies turn so many times .* rtol = 1.0e-06"
+    ):
+        run = rj.simulate(system, TS)
+    assert run.flags == rj.Flag.PHASE
+    assert "errors of their speed add up" in run.warnings()
+    assert np.max(np.abs(tip(run) - truth)) > ALLOWED
+    finer = rj.simulate(system, TS, rtol=1e-8)
+    assert finer.is_valid
+    assert_close(tip(finer), truth, ALLOWED)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:simulate. its bodies turn so many times")
+@pytest.mark.parametrize("solver", [None, RODAS5P], ids=["default", "Rodas5P"])
+@pytest.mark.parametrize("case", CASES)
+def test_tolerances_that_are_given(case, solver):
+    """Their steps allow for no turns. Lanes of a batch have flags of their own."""
+    make, seen, truth = CASES[case]
+    whole = rj.assemble(make())
+    every = 2 * np.pi * TURNS[:, None] / SPIN * np.linspace(0.0, 1.0, 101)
+
+    def lane(ts):
+        return rj.simulate(whole, ts, solver=solver, atol=RTOL, throw=False).flags
+
+    flags = np.asarray(jax.jit(jax.vmap(lane))(every)) & rj.Flag.PHASE
+    errors = []
+    for ts, flag in zip(every, flags, strict=True):
+        run = rj.simulate(whole, ts, solver=solver, atol=RTOL)
+        assert run.flags == flag
+        errors.append(np.max(np.abs(seen(run) - truth(ts))))
+    assert np.all(flags[np.array(errors) > CLEAR * ALLOWED])
+    assert not np.any(flags[np.array(errors) < ALLOWED / CLEAR])
+    assert flags[-1]
+    assert not flags[0]
+
+
+@pytest.mark.slow
+def test_a_motor_takes_errors_back():
+    """They add up in the balance of energy, and not in the angle that the motor holds."""
+    scene = bar(angle=-np.pi / 2)
+    motor = rj.Motor(scene.bodies[0].at(), rj.ground.at(), rj.Ramp(10.0), 10.0, 5.0)
+    system = rj.assemble(rj.Scene(scene.bodies, scene.joints, [*scene.effects, motor]))
+    assert rj.simulate(system, np.linspace(0.0, 40.0, 101)).is_valid
+
+
+@pytest.mark.slow
+def test_a_wheel_that_nothing_moves():
+    """Errors of the carriage, which vibrates for long, are none of the angle of its wheel."""
+    at = {"position": (0.1, 0.0)}
+    carriage = rj.RigidBody("carriage", 1.0, 1.0, **at)
+    wheel = rj.RigidBody("wheel", 1.0, 1e-5, angular_velocity=100.0, **at)
+    joints = [
+        rj.Prismatic(carriage.at(), rj.ground.at()),
+        rj.Revolute(wheel.at(), carriage.at()),
+    ]
+    spring = rj.Spring(carriage.at(), rj.ground.at((-1.0, 0.0)), 200.0, rest_length=1.0)
+    system = rj.assemble(rj.Scene([carriage, wheel], joints, [spring]))
+    run = rj.simulate(system, np.linspace(0.0, 20.0, 101), solver=RODAS5P, atol=RTOL)
+    assert run.is_valid
+    # What speed the errors of the energy would give to the wheel.
+    energy = rj.energy(system, run)
+    share = np.max(np.abs(energy.balance)) / np.max(energy.kinetic)
+    assert 100.0 * 20.0 * share / 4 > ALLOWED
