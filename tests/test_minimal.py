@@ -136,6 +136,26 @@ def test_modes_of_ones_own(cart_pendulum):
 
 
 @pytest.mark.slow
+def test_mechanisms_of_any_size():
+    """The last step of Newton's method is held against the coordinates, of which amplitudes of a
+    beam of a kilometre are millions.
+    """
+    length, mass, time = 1e3, 1e9, np.sqrt(1e3)
+    base = rj.RigidBody("base", 2 * mass, 0.1 * mass * length**2)
+    stiffness = 3.0 * mass * length**3 / time**2
+    start = {"position": (0.0, 0.4 * length), "angle": np.pi / 2}
+    beam = rj.Beam("beam", 0.5 * mass, 0.8 * length, EI=stiffness, modes=3, damping=0.01, **start)
+    middle, ground = base.at(), rj.ground.at()
+    drive = rj.PrescribedTravel(middle, ground, rj.Step(0.3 * length, 0.1 * time, 0.5 * time))
+    foot = rj.Weld(beam.at("start"), base.at(angle=np.pi / 2))
+    system = rj.assemble(rj.Scene([base, beam], [rj.Prismatic(middle, ground), drive, foot]))
+    ts = np.linspace(0.0, 1.5 * time, 76)
+    motion = zoo.run(system, ts)
+    model = rj.reduce(system, rj.pod(motion, tol=1e-6), "minimal")
+    assert rj.compare(motion, zoo.run(model, ts)).error <= 10 * SOLVED
+
+
+@pytest.mark.slow
 def test_a_singular_position_is_refused():
     """Crank and rod of one length: at 90° the slider may stay, and no coordinate says whether."""
     system = rj.assemble(slider_crank(np.pi / 2))

@@ -57,7 +57,8 @@ def _follow(
             def newton(q: Array, _: None) -> tuple[Array, Array]:
                 matrix = multiply(chart.jacobian(system, now, q), dependent)
                 step = jnp.linalg.solve(matrix, chart.constraint(system, now, q))
-                return q - multiply(dependent, step), jnp.max(jnp.abs(step))
+                size = jnp.max(jnp.abs(step)) / jnp.maximum(1, jnp.max(jnp.abs(q)))
+                return q - multiply(dependent, step), size
 
             q, sizes = jax.lax.scan(newton, q, None, length=_STEPS)
             return q, (now, q, sizes[-1] <= limits.newton_accepted)

@@ -99,7 +99,7 @@ class ImplicitLift(AbstractLift):
             return chart.constraint(full, t, origin + multiply(dependent, d))
 
         def newton(_: Any, start: Array) -> tuple[Array, Array]:
-            enough = limits.newton_converged * jnp.maximum(1, jnp.max(jnp.abs(origin)))
+            largest = jnp.maximum(1, jnp.max(jnp.abs(origin)))
 
             def renew(carry: Any) -> Any:
                 d, size, inverse, count = carry
@@ -114,12 +114,12 @@ class ImplicitLift(AbstractLift):
                 def chord(carry: Any) -> Any:
                     d, size, _, count = carry
                     step = multiply(inverse, violation(d))
-                    return d - step, jnp.max(jnp.abs(step)), size, count + 1
+                    return d - step, jnp.max(jnp.abs(step)) / largest, size, count + 1
 
                 def converging(carry: Any) -> Array:
                     _, size, before, count = carry
                     faster = (size < _SLOWEST * before) | (count < 2)
-                    more: Array = (size > enough) & faster & (count < _STEPS)
+                    more: Array = (size > limits.newton_converged) & faster & (count < _STEPS)
                     return more
 
                 start = (d, size, jnp.full_like(size, jnp.inf), 0)
@@ -127,7 +127,7 @@ class ImplicitLift(AbstractLift):
                 return d, size, inverse, count + 1
 
             def unfinished(carry: Any) -> Array:
-                more: Array = (carry[1] > enough) & (carry[-1] < _MATRICES)
+                more: Array = (carry[1] > limits.newton_converged) & (carry[-1] < _MATRICES)
                 return more
 
             first = (start, jnp.asarray(jnp.inf, start.dtype), inverse, 0)
@@ -169,7 +169,7 @@ def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
             q = configuration(z, d)
             matrix = multiply(chart.jacobian(full, t, q), dependent)
             step = jnp.linalg.solve(matrix, chart.constraint(full, t, q))
-            return d - step, jnp.max(jnp.abs(step))
+            return d - step, jnp.max(jnp.abs(step)) / jnp.maximum(1, jnp.max(jnp.abs(q)))
 
         d, steps = jax.lax.scan(newton, own + lead, None, length=_FULL_STEPS)
         converged = steps[-1] <= precision.of(d.dtype).newton_accepted
