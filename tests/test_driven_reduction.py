@@ -15,6 +15,7 @@ from tolerances import IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.assembly.outlines import outlines
+from romjax.reduction.charts import choose
 
 # Required: of the full basis, which is the full model; of the rank for a tolerance, on the training
 # run and at a drive that is a tenth faster.
@@ -228,6 +229,30 @@ def test_a_drive_may_begin_after_any_while(signal):
     q, violation = configuration(rom, 1e3 + 0.7)
     assert q[2] > 0.1
     assert_close(violation, np.zeros(system.m), IDENTITY)
+
+
+class Growing(rj.AbstractSignal):
+    """A turn that overflows after some days."""
+
+    rate: jax.Array
+
+    def __call__(self, t):
+        return 0.1 * jnp.expm1(self.rate * t)
+
+
+def test_a_drive_that_overflows_moves_no_more_than_its_own_bodies():
+    def driven(signal):
+        scene = zoo.bars(angles=(0.0, -1.2))
+        drive = rj.PrescribedAngle(scene.bodies[0].at(), rj.ground.at(), signal)
+        held = rj.RigidBody("held", 1.0, 0.1)
+        weld = rj.Weld(held.at(), rj.ground.at())
+        scene = rj.Scene([*scene.bodies, held], [*scene.joints, drive, weld], scene.effects)
+        system = rj.assemble(scene)
+        return choose._driven(system, jnp.zeros(1), system.q0[None])
+
+    moved = driven(Growing(jnp.array(0.01)))
+    np.testing.assert_array_equal(moved, driven(rj.Step(SWING, 1e3, 1.0)))
+    assert not np.any(moved[-3:])
 
 
 @eqx.filter_jit

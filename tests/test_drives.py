@@ -1,5 +1,6 @@
 """Drives whose offset is left out begin where the bodies are placed, in the plane and in space."""
 
+import diffrax
 import jax
 import numpy as np
 import pytest
@@ -56,6 +57,17 @@ def test_a_distance_that_comes_to_zero_fails(size):
     """It has no direction there, and nothing below zero; whatever the size of the mechanism."""
     with pytest.raises(rj.SimulationError, match="CONSTRAINTS_VIOLATED: not all joints hold"):
         zoo.run(shortened(size), [0.0, 0.5, 1.0])
+
+
+@pytest.mark.slow
+def test_a_compact_body_on_a_long_line_may_drift_as_steps_allow():
+    """The mechanism is as large as the line, and not as its body."""
+    body = rj.RigidBody("p", 1.0, 1e-8, position=(1.0, 0.0), velocity=(0.0, 10.0))
+    scene = rj.Scene([body], [rj.Distance(body.at(), rj.ground.at(), 1.0)])
+    coarse = {"solver": diffrax.Tsit5(), "dt": 0.05, "stabilization": rj.Baumgarte(10, 25)}
+    run = zoo.run(rj.assemble(scene), np.linspace(0.0, 1.0, 11), **coarse)
+    # More than what the size of the body allows.
+    assert np.max(run.violation) > 2e-5
 
 
 def begin(scene) -> list[float]:

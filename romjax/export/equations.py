@@ -63,17 +63,29 @@ def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
     return {"good": good, "size": state.size, "turning": turning(system, t, q, v)}
 
 
+def judged_by_states(system: AbstractSystem) -> bool:
+    """Whether single states tell something of the region of validity of a model, or of its full
+    system.
+    """
+    regions = (x.validity for x in (system, system.full))
+    return any(region is not None and region.of_states is not None for region in regions)
+
+
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:
-    """Return the flags of one state, by that part of the region of validity which it tells."""
+    """Return the flags of one state, by that part of the regions of validity which it tells."""
     q, v = x[: system.n], x[system.n :]
-    assert system.validity is not None
-    region = system.validity.of_states
-    assert region is not None
     output = physical_output(system, t, x)
-    own, physical = q[None], output["q"][None]
+    physical, rates = output["q"][None], output["v"][None]
     violation, drift = output["violation"][:1], drift_of(physical, rtol)
-    run = Run(t[None], own, v[None], physical, violation, drift)
-    return {"flags": region.flags(system, run)}
+    motions = [(system.full, physical, rates)]
+    if system is not system.full:
+        motions.append((system, q[None], v[None]))
+    told = jnp.zeros((), int)
+    for judged, own, own_rates in motions:
+        if judged.validity is not None and (region := judged.validity.of_states) is not None:
+            run = Run(t[None], own, own_rates, physical, violation, drift)
+            told |= region.flags(judged, run)
+    return {"flags": told}
 
 
 def own_start(system: AbstractSystem) -> Mapping[str, Array]:

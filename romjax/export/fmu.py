@@ -222,8 +222,7 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
         ),
         emit(corners, "model_corners", given, {}, "Times at which steps have to end."),
     ]
-    region = model.nominal.validity
-    if region is not None and region.of_states is not None:
+    if equations.judged_by_states(model.nominal):
         summary = "What speaks against one state."
         functions.append(emit(flags, "model_flags", point | {"rtol": ()}, {}, summary))
     if schedule.limits_steps:

@@ -134,14 +134,14 @@ def _status(
 def _constraints_hold(
     q: Float[Array, "k n"],
     violation: Float[Array, " k"],
-    length: Float[Array, ""],
+    apart: Float[Array, ""],
     settings: Settings,
 ) -> Bool[Array, ""]:
     """Whether projection or Baumgarte's term has done what it can do; whatever the settings, no
-    joint is as far apart as the mechanism is large, whose `length` is that at the start.
+    joint is as far `apart` as the mechanism is large at the start.
     """
     size = jnp.max(jnp.abs(q), axis=1, initial=1.0)
-    reach = jnp.minimum(size[0], length)
+    reach = jnp.minimum(size[0], apart)
     if not settings.holds_constraints:
         allowed = reach[None]
     elif settings.baumgarte is not None:

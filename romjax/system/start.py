@@ -11,6 +11,9 @@ micrometres and kilometres, too. Rates count with s times the fastest rate of th
 with σ = L or 1 rad, and no less than 1/s. Far from the origin coordinates have fewer digits: s is
 no less than some hundred units in the last place.
 
+The size of a violation by which a mechanism has come apart is the largest of these limits for
+ε = 1, that is 1 where there are rows of angles, and of the distances of bodies from the origin.
+
 Where no bodies are known, of a `CustomSystem` or a reduced one, units are not known either: C and Ċ
 count relative to the largest coordinate and the largest velocity, and these as no less than one.
 """
@@ -39,7 +42,7 @@ class Start(NamedTuple):
     rate: Float[Array, " m"]  # Ċ
     allowed: Float[Array, " m"]  # of |C|
     allowed_rate: Float[Array, " m"]  # of |Ċ|
-    size: Float[Array, ""]  # L of bodies; else the largest coordinate, at least 1
+    size: Float[Array, ""]  # of a violation by which the mechanism has come apart
 
     @classmethod
     def of(
@@ -69,7 +72,11 @@ class Start(NamedTuple):
         def most(share: float) -> Float[Array, " m"]:
             return jnp.max(rows * units.steps(share, q)[None], axis=1)
 
-        return cls(state.violation, state.rate, most(share), most(rates) * fastest, units.length)
+        # L does not know how far the ground is that holds a body, which its position tells.
+        farthest = jnp.max(jnp.abs(q) * units.positions)
+        turned = jnp.max(rows * (units.sizes * units.counts)[None], initial=0)
+        size = jnp.maximum(farthest, turned)
+        return cls(state.violation, state.rate, most(share), most(rates) * fastest, size)
 
     @property
     def closed(self) -> Bool[Array, ""]:

@@ -198,10 +198,14 @@ def _driven(system: AbstractSystem, t: Float[Array, " h"], q: Float[Array, "h n"
     first, start = np.asarray(q)[0], np.asarray(t)[0]
     # What is no signal is looked for at times of all sizes, which no period has in common.
     times = (start + _TIMES).astype(q.dtype)
-    pushed = np.asarray(violations(system, as_jax(times), as_jax(first)))
+    later = np.asarray(violations(system, as_jax(times), as_jax(first)))
+    pushed = (later[1:] - later[0]).T
+    # A drive that grows for ever overflows at times that no run reaches.
+    finite = np.all(np.isfinite(pushed), axis=0)
+    pushed = pushed[:, finite] if np.any(finite) else pushed
     signals = np.asarray(slopes(system, as_jax(start), as_jax(first)))
     rows = np.asarray(jacobians(system, as_jax(times[:1]), as_jax(first[None])))[0]
-    columns = np.concatenate([(pushed[1:] - pushed[0]).T, signals], axis=1)
+    columns = np.concatenate([pushed, signals], axis=1)
     shifts = np.abs(np.linalg.pinv(rows) @ columns)
     # Written so that NaN, of a drive that has no such times, counts as moved.
     moved: np.ndarray = np.any(~(shifts <= _HELD * np.max(shifts, axis=0)), axis=1)
