@@ -72,19 +72,21 @@ def judged_by_states(system: AbstractSystem) -> bool:
 
 
 def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[str, Array]:
-    """Return the flags of one state, by that part of the regions of validity which it tells."""
+    """Return the flags of one state, by that part of the regions of validity which it tells; of two
+    regions those of the reduced model, unless it has none.
+    """
     q, v = x[: system.n], x[system.n :]
     output = physical_output(system, t, x)
     physical, rates = output["q"][None], output["v"][None]
     violation, drift = output["violation"][:1], drift_of(physical, rtol)
     motions = [(system.full, physical, rates)]
     if system is not system.full:
-        motions.append((system, q[None], v[None]))
+        motions.insert(0, (system, q[None], v[None]))
     told = jnp.zeros((), int)
     for judged, own, own_rates in motions:
         if judged.validity is not None and (region := judged.validity.of_states) is not None:
             run = Run(t[None], own, own_rates, physical, violation, drift)
-            told |= region.flags(judged, run)
+            told = jnp.where(told == 0, region.flags(judged, run), told)
     return {"flags": told}
 
 
