@@ -98,3 +98,18 @@ def test_a_wheel_that_nothing_moves():
     energy = rj.energy(system, run)
     share = np.max(np.abs(energy.balance)) / np.max(energy.kinetic)
     assert 100.0 * 20.0 * share / 4 > ALLOWED
+
+
+@pytest.mark.slow
+def test_bodies_without_a_link_have_energies_of_their_own():
+    """What a carriage that vibrates by itself loses is no error of a pendulum, which has none."""
+    scene = driven()
+    carriage = rj.RigidBody("carriage", 1000.0, 1.0, position=(0.1, 0.0))
+    rail = rj.Prismatic(carriage.at(), rj.ground.at())
+    spring = rj.Spring(carriage.at(), rj.ground.at((-1.0, 0.0)), 1e7, rest_length=1.0)
+    bodies, joints = (*scene.bodies, carriage), (*scene.joints, rail)
+    system = rj.assemble(rj.Scene(bodies, joints, [*scene.effects, spring]))
+    ts = np.linspace(0.0, 1.6, 101)
+    run = rj.simulate(system, ts)
+    assert run.is_valid
+    assert_close(tip(run), true_driven(ts), ALLOWED)

@@ -15,7 +15,7 @@ from ..scene.joint.base import AbstractJoint
 from ..scene.marker import GROUND
 from ..scene.placing import marker_start
 from ..scene.points import NamedPoints
-from ..scene.scene import Scene
+from ..scene.scene import Scene, markers_of
 from ..scene.state_carrier import StateCarrier
 from ..system.mobility import check_mobility
 from ..system.structure import Structure
@@ -46,8 +46,7 @@ def assemble(scene: Scene) -> AssembledSystem:
     check_kind("assemble", "the scene", scene, Scene, "a romjax.Scene of bodies and joints")
     scene.check()
     check_held(scene)
-    # A Python number that was put in by hand would be static and recompile at every change.
-    scene = _begun(as_arrays(scene))
+    scene = _begun(scene)
 
     acting = [e for e in scene.effects if isinstance(e, AbstractMarkerEffect)]
     clocks = [e for e in scene.effects if isinstance(e, Sampled)]
@@ -84,6 +83,7 @@ def assemble(scene: Scene) -> AssembledSystem:
             flexible=any(body.modes for body in scene.bodies),
             ringing=all(b.bends and not b.damped for b in scene.bodies if b.modes),
             loops=_close_loops(scene),
+            connected=_are_connected(scene),
             contacts=any(effect.begins for effect in acting),
             by_parts=n >= _BY_PARTS and not _slips(every_joint, rows),
             frames=tuple(columns[body.name][0] for body in scene.bodies),
@@ -144,6 +144,8 @@ def _is_rigid(body: AbstractBody) -> list[bool]:
 
 def _begun(scene: Scene) -> Scene:
     """The scene with what joints take from where their markers are at the start."""
+    # A Python number that was put in by hand would be static and recompile at every change.
+    scene = as_arrays(scene)
     bodies = {body.name: body for body in scene.bodies}
     joints = [
         joint.starting_at(*(marker_start(bodies, marker) for marker in joint.markers))
@@ -189,3 +191,12 @@ def _close_loops(scene: Scene) -> bool:
                 return True
             trees[root(a)] = b
     return False
+
+
+def _are_connected(scene: Scene) -> bool:
+    """Whether joints or effects link all bodies with each other, not by the ground alone."""
+    reached, parts = {scene.bodies[0].name}, (*scene.joints, *scene.effects)
+    links = [{marker.body for marker, _ in markers_of(part)} - {GROUND} for part in parts]
+    for _ in scene.bodies:
+        reached = reached.union(*(link for link in links if link & reached))
+    return len(reached) == len(scene.bodies)

@@ -29,6 +29,8 @@ class Structure:
       of joints none depends on the others. True, where it is unknown.
     - `ringing`: whether all flexible parts bend far without damping, so that a motion sets them
       vibrating, and nothing stops them.
+    - `connected`: whether joints or effects link all bodies with each other, so that they have one
+      balance of energy; true, where it is unknown.
     - `contacts`: whether effects may begin on the way, of which the start shows nothing.
     - `by_parts`: whether states give their slopes part by part, for implicit steps.
     - `frames`: at which coordinate the frame of each body begins: its position, then its angle or
@@ -61,6 +63,7 @@ class Structure:
     joints: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     ringing: bool = False
+    connected: bool = True
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -85,6 +88,7 @@ class Structure:
             ringing=self.ringing,
             loops=self.loops,
             contacts=self.contacts,
+            connected=self.connected,
             by_parts=self.by_parts,
             frames=self.frames,
             quaternions=self.quaternions,
@@ -139,7 +143,8 @@ class Structure:
         # Every call of a compiled program asks for it.
         kinds = self.rigid, self.flexible, self.ringing, self.loops, self.contacts
         places = self.frames, self.quaternions, self.counters, self.states, self.slips
-        return hash((self.coordinates, self.constraints, kinds, places, self.amplitudes))
+        known = kinds, self.connected, places
+        return hash((self.coordinates, self.constraints, known, self.amplitudes))
 
 
 _nameless = IdentityCache()

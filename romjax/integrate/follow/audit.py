@@ -95,11 +95,13 @@ class Audit(AbstractFollower):
     @property
     def watches_phases(self) -> bool:
         """Whether angles drift where energy does: not those that follow drives, nor those to which
-        a controller holds them, of whose answer the state at one time says nothing.
+        a controller holds them, of whose answer the state at one time says nothing; nor where
+        bodies have energies of their own, whose errors one balance does not tell apart.
         """
         full = self.system.full
         driven = full.m > 0 and moves(full)
-        return bool(full.structure.frames) and not driven and not controllers_of(full)
+        known = bool(full.structure.frames) and full.structure.connected
+        return known and not driven and not controllers_of(full)
 
     def follow(self, step: Step, seen: Findings) -> Findings:
         """Return the findings with a step added, if it was accepted."""
@@ -126,7 +128,9 @@ class Audit(AbstractFollower):
             spins = spins_of(self.system.full, state.q, state.v)
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
-            phase = phase.follow(h, spins, now.kinetic, gained, response)
+            # No derivative is taken of findings, and that of the size of no spin is infinite.
+            parts = jax.lax.stop_gradient((h, spins, now.kinetic, gained, response))
+            phase = phase.follow(*parts)
         new = Findings(balance, branching, beyond, lengths, phase)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)
         return chosen

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...common import precision
 from ...common.arrays import Time
 from ...compiling.program import program_once
 from ...linalg.branches import Forest
@@ -161,7 +162,11 @@ def _held_by(
         return d - jnp.linalg.solve(matrix, chart.constraint(system, t, q)), None
 
     d, _ = jax.lax.scan(newton, d, None, length=_STEPS)
-    return d, offset + chart.ordered(none, d)
+    q = offset + chart.ordered(none, d)
+    # Where the other system cannot be closed at s = 0, no coordinates are right.
+    allowed = precision.of(q.dtype).newton_accepted * jnp.maximum(1, jnp.max(jnp.abs(q)))
+    closes = jnp.max(jnp.abs(chart.constraint(system, t, q)), initial=0) <= allowed
+    return jnp.where(closes, d, jnp.nan), q
 
 
 @program_once
