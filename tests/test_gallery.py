@@ -20,8 +20,8 @@ from romjax.gallery import EXAMPLES, find
 from romjax.system.dynamics import jacobian
 
 FILES = Path(rj.__file__).parent / "gallery" / "files"
-# At the tolerance of the catalogue; all others at that of the default settings, with which the crank
-# of the squeezer is 1.1e-4 rad off after its 24 turns, and a flag says so.
+# At the tolerance of the catalogue; all others at that of the default settings, with which the
+# squeezer's crank is 1.1e-4 rad off after its 24 turns, and a flag says so.
 TIGHTLY = ("slider-crank", "squeezer")
 # With the balance of energy among the slow tests, since it makes a program half as long again: of
 # what shows energies, of a chain in gravity, of contacts, and of what stiffens. Parts that bend are
