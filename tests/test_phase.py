@@ -15,10 +15,10 @@ CLEAR = 5.0
 TORQUE, TS = 8.0, np.linspace(0.0, 5.0, 101)
 
 
-def driven(strength=TORQUE) -> rj.Scene:
+def driven() -> rj.Scene:
     """A pendulum that hangs at rest until a torque makes it go round, 45 times in 5 s."""
     scene = bar(angle=-np.pi / 2)
-    torque = rj.Torque(scene.bodies[0].at(), rj.Constant(strength))
+    torque = rj.Torque(scene.bodies[0].at(), rj.Constant(TORQUE))
     return rj.Scene(scene.bodies, scene.joints, [*scene.effects, torque])
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 from ..common.arrays import as_arrays, concatenate
 from ..common.checks import check_kind
@@ -82,8 +83,8 @@ def assemble(scene: Scene) -> AssembledSystem:
             rigid=tuple(rigid for body in every_body for rigid in _is_rigid(body)),
             flexible=any(body.modes for body in scene.bodies),
             ringing=all(b.bends and not b.damped for b in scene.bodies if b.modes),
-            loops=_close_loops(scene),
-            connected=_are_connected(scene),
+            loops=_merged(scene, scene.joints)[1],
+            connected=_merged(scene, [*scene.joints, *scene.effects], without=GROUND)[0] == 1,
             contacts=any(effect.begins for effect in acting),
             by_parts=n >= _BY_PARTS and not _slips(every_joint, rows),
             frames=tuple(columns[body.name][0] for body in scene.bodies),
@@ -143,7 +144,7 @@ def _is_rigid(body: AbstractBody) -> list[bool]:
 
 
 def _begun(scene: Scene) -> Scene:
-    """The scene with what joints take from where their markers are at the start."""
+    """The scene in arrays, with what joints take from where their markers are at the start."""
     # A Python number that was put in by hand would be static and recompile at every change.
     scene = as_arrays(scene)
     bodies = {body.name: body for body in scene.bodies}
@@ -175,28 +176,22 @@ def _connections(
     return rows, [(sorted(bodies), own) for bodies, own in zip(held, rows, strict=True)]
 
 
-def _close_loops(scene: Scene) -> bool:
-    """Whether the joints are more than a tree of bodies on the ground."""
-    trees = {name: name for name in (GROUND, *(body.name for body in scene.bodies))}
+def _merged(scene: Scene, parts: Sequence[Any], without: str = "") -> tuple[int, bool]:
+    """How many groups of bodies are left, the ground among them unless it is what they are
+    `without`, once each of the `parts` links what it is on; and whether one links what others do.
+    """
+    names = {GROUND, *(body.name for body in scene.bodies)} - {without}
+    trees, closes = {name: name for name in names}, False
 
     def root(name: str) -> str:
         while trees[name] != name:
             name = trees[name]
         return name
 
-    for joint in scene.joints:
-        a, *others = (root(marker.body) for marker in joint.markers)
-        for b in map(root, others):
-            if a == b:
-                return True
-            trees[root(a)] = b
-    return False
-
-
-def _are_connected(scene: Scene) -> bool:
-    """Whether joints or effects link all bodies with each other, not by the ground alone."""
-    reached, parts = {scene.bodies[0].name}, (*scene.joints, *scene.effects)
-    links = [{marker.body for marker, _ in markers_of(part)} - {GROUND} for part in parts]
-    for _ in scene.bodies:
-        reached = reached.union(*(link for link in links if link & reached))
-    return len(reached) == len(scene.bodies)
+    for part in parts:
+        on = [marker.body for marker, _ in markers_of(part) if marker.body in names]
+        for other in on[1:]:
+            a, b = root(on[0]), root(other)
+            closes |= a == b
+            trees[a] = b
+    return sum(trees[name] == name for name in names), closes

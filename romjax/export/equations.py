@@ -79,9 +79,9 @@ def flags(system: AbstractSystem, t: Array, x: State, rtol: Array) -> Mapping[st
     output = physical_output(system, t, x)
     physical, rates = output["q"][None], output["v"][None]
     violation, drift = output["violation"][:1], drift_of(physical, rtol)
-    motions = [(system.full, physical, rates)]
+    motions = [(system, q[None], v[None])]
     if system is not system.full:
-        motions.insert(0, (system, q[None], v[None]))
+        motions.append((system.full, physical, rates))
     told = jnp.zeros((), int)
     for judged, own, own_rates in motions:
         if judged.validity is not None and (region := judged.validity.of_states) is not None:

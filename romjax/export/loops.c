@@ -55,7 +55,7 @@ typedef struct {
   double extremes[FULL + 1], farthest[FULL + 1], speed[FULL + 1];
   int64_t flags;
   int finite, holds;
-  double length;
+  double apart;
 } outputs;
 
 static void save(double t, const double *x, const settings *s, outputs *out, int row) {
@@ -68,7 +68,7 @@ static void save(double t, const double *x, const settings *s, outputs *out, int
   out->violation[row] = own[0];
   out->finite &= isfinite(own[0]) != 0;
   for (int i = 0; i < N; i++) size = larger(fabs(x[i]), size);
-  if (row == 0) out->extremes[FULL] = smaller(size, out->length);
+  if (row == 0) out->extremes[FULL] = smaller(size, out->apart);
   out->holds &= own[1] <= 1e-2 * out->extremes[FULL] + 10 * s->rtol * size;
   for (int i = 0; i < FULL; i++) {
     if (row == 0) out->extremes[i] = out->farthest[i] = out->speed[i] = 0;
@@ -140,7 +140,7 @@ static void begin_run(const double *x0, const settings *s, int own, double *y) {
 void model_run(const double *x0, const double *given, const double *ts, int64_t rows,
                const double *numbers, const int64_t *counts, double *q, double *v, double *x,
                double *violation, int64_t *told, const directions *along) {
-  double corner[CORNERS + 1], t = ts[0], next, good[2], length, turning;
+  double corner[CORNERS + 1], t = ts[0], next, good[2], apart, turning;
   int controlled = numbers[2] == 0, status = SUCCESS;
   settings s = {numbers[0], numbers[1], numbers[2], ts[rows - 1], 0, (int)counts[0],
                 (int)counts[1], controlled ? CORNERS : 0, counts[2], corner, given,
@@ -150,8 +150,8 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
   int64_t steps = 0, accepted = 0, row = 0;
   model_corners(given, corner);
   begin_run(x0, &s, (int)counts[3], m.y);
-  model_start(t, m.y, given, good, &length, &turning);
-  out.length = length;
+  model_start(t, m.y, given, good, &apart, &turning);
+  out.apart = apart;
   if (s.follow) s.fine = turning_rtol(s.rtol, turning, s.t1 - t);
   m.fresh = 1;
 #ifdef ALONG

@@ -13,6 +13,7 @@ from ..common.arrays import Time, concrete
 from ..common.errors import InputError
 from ..compiling.program import program_once
 from ..scene.signal import AbstractSignal, is_signal
+from . import unit_length
 from .base import AbstractSystem
 from .dynamics import jacobian
 from .schedule import AbstractStack
@@ -74,13 +75,13 @@ class _Shifted(AbstractSignal):
 def slopes_by_signals(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
 ) -> Float[Array, "m k"]:
-    """The derivatives of the constraints by the values of all signals that change, which tell what
-    a drive moves however late it begins.
+    """The derivatives of the constraints, lengths of quaternions included, by the values of all
+    signals that change, which tell what a drive moves however late it begins.
     """
     total = _shifted(system, None)[1]
 
     def constraint(shifts: Array) -> Array:
-        return _shifted(system, shifts)[0].constraint(t, q)
+        return unit_length.extended(_shifted(system, shifts)[0], t, q)
 
     slopes: Array = jax.jacfwd(constraint)(jnp.zeros(total, q.dtype))
     return slopes

@@ -107,13 +107,16 @@ class Audit(AbstractFollower):
         """Return the findings with a step added, if it was accepted."""
         before, after, tried = step.before, step.after, step.tried
         branching, lengths = seen.branching, seen.lengths
+        (system, state), q = self._at(after.t, after.y), after.y[0]
         if branching is not None and lengths is not None:
-            (system, state), q = self._at(after.t, after.y), after.y[0]
             places, violation = system.structure.without_states(q), system.constraint(after.t, q)
             kkt = state.kkt()
             lengths = jnp.maximum(lengths, kkt.lengths())
             branching = branching.follow(after.t, kkt, lengths, violation, places)
-        now, work = self._energies(before, after), self._work(before.t, after.t, tried.between)
+        now, work = (
+            self._energies(before, after, state),
+            self._work(before.t, after.t, tried.between),
+        )
         if tried.arrival is not None:
             # Impacts at the end of the step do work too.
             work = work._replace(supply=work.supply + tried.arrival.work)
@@ -124,7 +127,7 @@ class Audit(AbstractFollower):
         balance = seen.balance.follow(after.t, now, work)
         phase = seen.phase
         if phase is not None:
-            state, h = self._at(after.t, after.y)[1], after.t - before.t
+            h = after.t - before.t
             spins = spins_of(self.system.full, state.q, state.v)
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
@@ -143,8 +146,8 @@ class Audit(AbstractFollower):
         state = self._at(at.t, at.y)[1]
         return self.system.full.state(at.t, state.q, state.v).limits()
 
-    def _energies(self, before: Progress, after: Progress) -> Momentary:
-        """The energies at the end of a step.
+    def _energies(self, before: Progress, after: Progress, state: AbstractState) -> Momentary:
+        """The energies at the end of a step, in the `state` there.
 
         The step size control holds the root mean square of the errors of all 2n numbers of the
         state, each divided by its tolerance, below one. By Cauchy and Schwarz that of the energy is
@@ -153,7 +156,7 @@ class Audit(AbstractFollower):
         """
         t, y = after.t, after.y
         v = self.system.structure.without_states(y[1])
-        energy, zero, squared = self._at(t, y)[1].energy(), jnp.zeros_like(t), jnp.sum(v**2)
+        energy, zero, squared = state.energy(), jnp.zeros_like(t), jnp.sum(v**2)
         # Half of a mean inertia, by which velocities as small as their tolerances have an energy.
         share = energy.kinetic / jnp.where(squared > 0, squared, 1)
         if not self.controlled:

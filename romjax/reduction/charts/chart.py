@@ -10,6 +10,7 @@ from ...common import precision
 from ...common.arrays import Time
 from ...compiling.program import program_once
 from ...linalg.branches import Forest
+from ...linalg.dense import multiply
 from ...system import unit_length
 from ...system.base import AbstractSystem
 
@@ -101,6 +102,16 @@ class Chart(eqx.Module):
         """∂C/∂d = C_q W."""
         return _dependent_matrix(self, system, t, q)
 
+    def step(
+        self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
+    ) -> tuple[Float[Array, " m"], Float[Array, ""]]:
+        """Return a step of Newton's method, which is to be taken from d, and how long it is,
+        relative to the coordinates.
+        """
+        matrix = multiply(self.jacobian(system, t, q), jnp.asarray(self.dependent, q.dtype))
+        step = jnp.linalg.solve(matrix, self.constraint(system, t, q))
+        return step, jnp.max(jnp.abs(step)) / jnp.maximum(1, jnp.max(jnp.abs(q)))
+
     def held_by(
         self, system: AbstractSystem, t: Time, offset: Float[Array, " n"], d: Float[Array, " m"]
     ) -> tuple[Float[Array, " m"], Float[Array, "m m"]]:
@@ -154,19 +165,15 @@ def _held_by(
     chart: Chart, system: AbstractSystem, t: Time, offset: Float[Array, " n"], d: Float[Array, " m"]
 ) -> tuple[Float[Array, " m"], Float[Array, " n"]]:
     none = jnp.zeros(len(offset) - len(d), offset.dtype)
-    dependent = jnp.asarray(chart.dependent, offset.dtype)
 
-    def newton(d: Array, _: None) -> tuple[Array, None]:
-        q = offset + chart.ordered(none, d)
-        matrix = chart.jacobian(system, t, q) @ dependent
-        return d - jnp.linalg.solve(matrix, chart.constraint(system, t, q)), None
+    def newton(d: Array, _: None) -> tuple[Array, Array]:
+        step, size = chart.step(system, t, offset + chart.ordered(none, d))
+        return d - step, size
 
-    d, _ = jax.lax.scan(newton, d, None, length=_STEPS)
-    q = offset + chart.ordered(none, d)
+    d, sizes = jax.lax.scan(newton, d, None, length=_STEPS)
     # Where the other system cannot be closed at s = 0, no coordinates are right.
-    allowed = precision.of(q.dtype).newton_accepted * jnp.maximum(1, jnp.max(jnp.abs(q)))
-    closes = jnp.max(jnp.abs(chart.constraint(system, t, q)), initial=0) <= allowed
-    return jnp.where(closes, d, jnp.nan), q
+    converged = sizes[-1] <= precision.of(d.dtype).newton_accepted
+    return jnp.where(converged, d, jnp.nan), offset + chart.ordered(none, d)
 
 
 @program_once

@@ -55,9 +55,7 @@ def _follow(
             now, q = t0 + share * (t1 - t0), before + along / _POINTS
 
             def newton(q: Array, _: None) -> tuple[Array, Array]:
-                matrix = multiply(chart.jacobian(system, now, q), dependent)
-                step = jnp.linalg.solve(matrix, chart.constraint(system, now, q))
-                size = jnp.max(jnp.abs(step)) / jnp.maximum(1, jnp.max(jnp.abs(q)))
+                step, size = chart.step(system, now, q)
                 return q - multiply(dependent, step), size
 
             q, sizes = jax.lax.scan(newton, q, None, length=_STEPS)

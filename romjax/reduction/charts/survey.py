@@ -106,7 +106,5 @@ def violations(
 def slopes(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
 ) -> Float[Array, "m k"]:
-    """The derivatives of C by the values of all signals, with those of lengths, which are zero."""
-    own = slopes_by_signals(system, t, q)
-    lengths = jnp.zeros((unit_length.count(system) - system.m, own.shape[1]), own.dtype)
-    return jnp.concatenate([own, lengths])
+    """The derivatives of C, with the lengths of quaternions, by the values of all signals."""
+    return slopes_by_signals(system, t, q)

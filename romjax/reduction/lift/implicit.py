@@ -166,10 +166,8 @@ def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
         own, t, z = snapshot
 
         def newton(d: Array, _: None) -> tuple[Array, Array]:
-            q = configuration(z, d)
-            matrix = multiply(chart.jacobian(full, t, q), dependent)
-            step = jnp.linalg.solve(matrix, chart.constraint(full, t, q))
-            return d - step, jnp.max(jnp.abs(step)) / jnp.maximum(1, jnp.max(jnp.abs(q)))
+            step, size = chart.step(full, t, configuration(z, d))
+            return d - step, size
 
         d, steps = jax.lax.scan(newton, own + lead, None, length=_FULL_STEPS)
         converged = steps[-1] <= precision.of(d.dtype).newton_accepted
