@@ -1,11 +1,11 @@
 """All comparisons side by side: run each, compare its ratios with their floors, write summary.txt.
 
-Each comparison runs in a process of its own and writes NAME.txt, and NAME.json for the site;
-`python benchmarks/NAME.py` runs one by itself and writes the summary anew. The ratios of all, the
-versions and the machine go to summary.txt, those of comparisons that are not run as their records
-have them. Needs the extra `bench`; MuJoCo and Exudyn are left out where they are not installed.
-Takes about two and a half hours on two cores with nothing else to do, most of it for `trust`;
-Ctrl-C keeps what has been measured.
+Each comparison runs in a process of its own and writes NAME.txt, and NAME.json for the site; those
+that are named run alone: `python -m benchmarks verification`. The ratios of all, the versions and
+the machine go to summary.txt, those of comparisons that are not run as their records have them.
+Needs the extra `bench`; MuJoCo and Exudyn are left out where they are not installed. All take about
+two and a half hours on two cores with nothing else to do, most of it for `trust`; Ctrl-C keeps what
+has been measured.
 
 The exit status is 1 if a ratio is below its floor in floors.toml, if one that has a floor was not
 measured, or if a comparison did not run to its end; 130 after Ctrl-C; otherwise 0.
@@ -27,10 +27,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import record
-import texts
-
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))  # `python -m` puts the folder above there
+
+import record  # noqa: E402
+import texts  # noqa: E402
+
 # In the order of the table; each a file beside this one.
 COMPARISONS = (
     "first_call",
@@ -62,7 +64,7 @@ def listed(folder: Path, names: Sequence[str]) -> str:
     rows = []
     for name in names:
         text = ast.get_docstring(ast.parse((folder / f"{name}.py").read_text())) or ""
-        rows.append([name, " ".join(re.split("[:;.]", text)[0].split())])
+        rows.append([name, " ".join(re.split(r"[:;.](?:\s|$)", text)[0].split())])
     return record.table(rows)
 
 
@@ -135,31 +137,31 @@ def main(
 ) -> int:
     """The command; a test gives comparisons and floors of its own. Returns the exit status."""
     parser = argparse.ArgumentParser(
-        prog="python benchmarks",
+        prog="python -m benchmarks",
         description=__doc__,
         epilog=f"comparisons:\n{listed(folder, names)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "--only",
-        nargs="*",
-        choices=names,
-        default=names,
-        metavar="NAME",
-        help="run only these; without a name, write what the records have",
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="run these (all of them)")
+    parser.add_argument("--summary", action="store_true", help="run none, gather their records")
     parser.add_argument("--list", action="store_true", help="list the comparisons and end")
     parser.add_argument(
         "--out", type=Path, default=folder, metavar="DIR", help="folder of the tables (%(default)s)"
     )
     options = parser.parse_args(arguments)
+    # Without a name, argparse of Python 3.11 looks for an empty list in `choices`.
+    if unknown := ", ".join(name for name in options.names if name not in names):
+        parser.error(f"no comparison is named {unknown}; those that are: {', '.join(names)}")
+    if options.summary and options.names:
+        parser.error("--summary runs nothing: leave out the names, or --summary")
     if options.list:
         print(listed(folder, names))
         return 0
+    chosen = () if options.summary else options.names or names
     floors = record.floors() if floors is None else floors
     found: dict[str, dict[str, Any]] = {}
     going = True
-    for name in (name for name in names if name in options.only):
+    for name in (name for name in names if name in chosen):
         print(f"{name} ...", file=sys.stderr, flush=True)
         start = time.perf_counter()
         found[name], going = run(folder / f"{name}.py", options.out)

@@ -276,5 +276,7 @@ def main(
     # By itself it makes the summary of all older than its record.
     command = script.parent / "__main__.py"
     if sections and not options.ratios and options.out == script.parent and command.exists():
-        subprocess.run([sys.executable, command, "--only"], stdout=subprocess.DEVNULL, check=False)
+        subprocess.run(
+            [sys.executable, command, "--summary"], stdout=subprocess.DEVNULL, check=False
+        )
     sys.exit(1 if wrong else 0)

@@ -67,7 +67,7 @@ def test_a_comparison_by_itself_writes_the_summary(scripts):
     subprocess.run([*run, "--out", scripts / "other"], check=True, capture_output=True)
     assert not (scripts / "said").exists()
     subprocess.run(run, check=True, capture_output=True)
-    assert (scripts / "said").read_text() == "--only"
+    assert (scripts / "said").read_text() == "--summary"
 
 
 def ran(command, scripts, names, floors, *arguments) -> tuple[int, str]:
@@ -139,16 +139,17 @@ def test_a_comparison_that_fails(command, scripts):
 def test_only_some(command, scripts, capsys):
     """Others are named as not run, and their floors not asked for; an unknown name is refused."""
     floors = {"raising": {"one / two": 9.0}}
-    status, summary = ran(command, scripts, ["raising", "steady"], floors, "--only", "steady")
+    status, summary = ran(command, scripts, ["raising", "steady"], floors, "steady")
     assert status == 0
     assert "Not run: raising." in summary
-    status, summary = ran(command, scripts, ["raising", "steady"], floors, "--only")
+    status, summary = ran(command, scripts, ["raising", "steady"], floors, "--summary")
     assert status == 0
     assert "From their records: steady of 2" in summary
     assert "one / two" in summary
-    with pytest.raises(SystemExit):
-        command.main(["--only", "nothing"], scripts, ["steady"], {})
-    assert "nothing" in capsys.readouterr().err
+    for wrong, said in {"nothing": "nothing", "steady --summary": "runs nothing"}.items():
+        with pytest.raises(SystemExit):
+            command.main(wrong.split(), scripts, ["steady"], {})
+        assert said in capsys.readouterr().err
     assert command.main(["--list"], scripts, ["raising", "steady"], {}) == 0
     listed = capsys.readouterr().out.splitlines()
     assert [line.split(maxsplit=1) for line in listed] == [

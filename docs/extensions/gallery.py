@@ -27,7 +27,7 @@ INTRODUCTION = """# Gallery
 below are what `rj.animate(scene, run, outputs=2)` makes of a run: space plays and stops, the arrows
 go from frame to frame, dragging moves the picture, and the wheel its size once the picture was
 pressed. What holds of each is proved by a test of its run. Times, and what a reduction pays, are
-from the record of {made}, which `python benchmarks/gallery.py` measures; a first answer includes
+from the record of {made}, which `python -m benchmarks gallery` measures; a first answer includes
 all compiling.
 
 {list}

@@ -16,7 +16,7 @@ INTRODUCTION = """# Verification
 {count} problems with right values, each held by two independent ways that are not romjax's: closed
 forms, published digits, other programs, other coordinates, many digits. The digits that romjax
 meets are those of the worst value, and each problem has a floor of them.
-`python benchmarks/verification.py` computes all of them again and fails where one falls below. This
+`python -m benchmarks verification` computes all of them again and fails where one falls below. This
 is its record of {made}, at the commit {commit}, on {on}.
 
 Digits that are few are explained by the problem: a published value of four digits, or a model that
