@@ -172,6 +172,8 @@ def test_notebooks_show_it_in_a_frame(moving, scene, falling):
     assert '"frames":1,' in html.unescape(scene._repr_html_())
     assert rj.Scene([])._repr_html_() is None
     assert '"frames":31,' in html.unescape(falling._repr_html_())
+    assert len(repr(moving)) < 100
+    assert f"{len(moving.t)} frames" in repr(moving)
 
 
 def test_a_comparison_shows_both_motions(falling, only_new_garbage):

@@ -89,6 +89,12 @@ def test_the_readme_has_the_numbers_of_the_records():
     assert records.written(readme) == readme
 
 
+def test_numbers_of_the_readme_begin_no_line():
+    """A line that begins with a comment ends its paragraph, and is no Markdown."""
+    lines = PAGES["README.md"].splitlines()
+    assert [line for line in lines if records.NAMED.match(line)] == []
+
+
 def test_a_commit_that_git_does_not_know_has_no_age():
     assert records.changes("nothing") == "unknown"
 

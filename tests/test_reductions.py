@@ -13,6 +13,7 @@ from tolerances import IDENTITY, SOLVED
 from zoo import run
 
 import romjax as rj
+from romjax.common.plain import duration
 from romjax.pages import report
 from romjax.plot.labels import Label, place
 from romjax.reduction.joint.formulation import faster_size
@@ -213,6 +214,12 @@ def test_no_verdict_where_kinds_are_left():
         words = advice([rows[0]._replace(speed_up=speed_up)], FULL, facts, 1e-3)
         assert said in words
         assert "seen" not in words
+
+
+@pytest.mark.instant
+def test_times_have_three_digits_and_no_exponent():
+    told = {2.1e-6: "0.0021 ms", 0.17649: "176 ms", 1.2345: "1.23 s", 1234.5: "1230 s"}
+    assert {seconds: duration(seconds) for seconds in told} == told
 
 
 @pytest.mark.instant

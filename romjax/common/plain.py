@@ -30,6 +30,16 @@ def table(header: list[str], rows: list[list[str]]) -> str:
     return tabulate(lines, tablefmt="plain", disable_numparse=True, colalign=sides)
 
 
+def rounded(number: float) -> str:
+    """A number in three digits; thousands without an exponent."""
+    return f"{float(f'{number:.3g}'):g}"
+
+
+def duration(seconds: float) -> str:
+    """A time in three digits, below a second in milliseconds."""
+    return f"{rounded(seconds)} s" if seconds >= 1 else f"{rounded(1e3 * seconds)} ms"
+
+
 def plain(part: Any) -> str:
     """The fields of a tuple or dataclass with their numbers; while JAX traces, with their types."""
     names = getattr(part, "_fields", None) or [x.name for x in dataclasses.fields(part) if x.repr]

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from ..assembly.assembled import AssembledSystem
 from ..basis.decomposition.pod import POD
 from ..common.errors import InputError, ReductionError
+from ..common.plain import duration
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..reduction.reduce import reduce
@@ -86,7 +87,7 @@ class Attempt:
         """A line on the model, beside the `full` one's work on a run [s]."""
         beyond = "" if np.isnan(self.unseen) else f", unseen {self.unseen:.0e}"
         return (
-            f"{self.name}: {int(self.run.stats.num_steps)} steps, {1e3 * self.work:.3g} ms, "
+            f"{self.name}: {int(self.run.stats.num_steps)} steps, {duration(self.work)}, "
             f"{full / self.work:.1f} times as fast, error {self.trained:.0e}{beyond}"
         )
 

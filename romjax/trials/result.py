@@ -7,7 +7,7 @@ from typing import Any
 
 from ..common.errors import InputError
 from ..common.extras import data_frame
-from ..common.plain import table
+from ..common.plain import rounded, table
 from ..integrate.trajectory import Trajectory
 from ..system.base import AbstractSystem
 from .row import ReductionRow
@@ -130,7 +130,7 @@ def _cells(row: ReductionRow) -> list[str]:
     return [
         row.name,
         f"{row.steps}",
-        f"{1e3 * row.time:.3g}",
+        rounded(1e3 * row.time),
         f"{row.speed_up:.1f}",
         _error(row.trained),
         _error(row.unseen),

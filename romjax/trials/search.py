@@ -11,6 +11,7 @@ from ..assembly.assemble import assemble
 from ..assembly.assembled import AssembledSystem
 from ..common.arrays import as_array
 from ..common.errors import InputError, ReductionError
+from ..common.plain import duration
 from ..integrate.simulate import simulate
 from ..integrate.trajectory import Trajectory
 from ..scene.scene import Scene
@@ -132,7 +133,7 @@ class Search:
 
         full, first = worked(call)
         _, once = worked(call)
-        steps = f"{_steps(full)} steps, {1e3 * once:.3g} ms"
+        steps = f"{_steps(full)} steps, {duration(once)}"
         progress.tell(f"full: {system.n} coordinates, {steps}")
         progress.doing("accurate run")
         truth = Truth.of(system, full, _sharp(rtol))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ...common.checks import check_kind
 from ...study.ranks.rank_study import RankStudy
@@ -117,7 +117,10 @@ def explain(figure: Figure, axes: Axes, full: float, unseen: int, ringed: str) -
         axes.plot([], [], "o", color="0.3", markerfacecolor="white", label="training")
     axes.plot([], [], "o", ms=12, mfc="none", mec="0.3", label=ringed)
     axes.set(xlabel="time of a run [ms]", ylabel="error")
-    for ticks in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
-        ticks(LogFormatter(minor_thresholds=(2, 0.5)))
+    low, high = axes.get_xlim()
+    # Numbers in between would touch where there are more decades.
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 300 * low else (1,)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(color="0.9")
     figure.legend(loc="outside right upper", fontsize=SMALL)

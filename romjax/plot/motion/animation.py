@@ -75,6 +75,12 @@ class Animation:
 
     _repr_html_ = embedded
 
+    def __repr__(self) -> str:
+        """In a line: a terminal shows no motion, and the points of all frames are thousands."""
+        names = ", ".join(repr(model.name) for model in self.models if model.name)
+        of = f" of {names}" if names else ""
+        return f"Animation({len(self.t)} frames{of}; .save('….html') writes its page)"
+
     def save(
         self,
         path: str | Path,

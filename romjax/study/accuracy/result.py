@@ -8,6 +8,7 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...common.extras import data_frame
+from ...common.plain import duration
 from .model import Model
 from .recommendation import Recommendation
 from .row import SINGLE_RUN, Condition, Row
@@ -82,7 +83,7 @@ class Accuracy:
         (name, setting), each = *row.settings.items(), f" a run, {lanes} at once" * (lanes > 1)
         words = (
             f"For an error of {error:g}: {row.model}, solver={row.solver}(), {name}={setting:.0e}; "
-            f"error {row.error:.1e} in {1e3 * row.least:.2g} ms{each}."
+            f"error {row.error:.1e} in {duration(row.least)}{each}."
         )
         runs = self.break_even(row)
         if runs is not None:
