@@ -204,6 +204,48 @@ PARTS = {
         lambda: driven(activation=0.1),
         r"activation is of type float; give one, such as romjax.Activation\(time_constant=0.1\)",
     ),
+    "a joint of bodies": (
+        lambda: rj.Revolute(bar(), rj.ground.at(), name="pin"),
+        r"Revolute 'pin': a is of type RigidBody; give a marker, such as body\.at\(point\)",
+    ),
+    "a joint to a pose": (
+        lambda: rj.Revolute(bar().at(), rj.ground.pose()),
+        "Revolute: b is of type Pose; give a marker",
+    ),
+    "a spring to the ground": (
+        lambda: rj.Spring(bar().at(), rj.ground, stiffness=1.0),
+        r"Spring: b is of type Ground; give a marker, .*ground\.at\(point\)",
+    ),
+    "placed on a marker": (
+        lambda: bar().placed((0.0, 0.0), rj.ground.at()),
+        r"'bar': the pose is of type Marker; give ground\.pose\(point\), or other\.pose",
+    ),
+    "placed on numbers": (
+        lambda: bar().placed((0.0, 0.0), (1.0, 0.0)),
+        "'bar': the pose is of type tuple",
+    ),
+    "an axis by its letter": (
+        lambda: rj.ground.at((0.0, 0.0, 0.0), axis="z"),
+        r"'ground': the axis is 'z'; give three numbers, such as \(0\.0, 0\.0, 1\.0\)",
+    ),
+    "an axis for an angle": (
+        lambda: rj.ground.at((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        r"'ground': the angle has the shape \(3,\); .*axis=\(0\.0, 0\.0, 1\.0\)",
+    ),
+    "a point of the plane in space": (
+        lambda: rj.Weld(spatial.RigidBody("top", 1.0, (1.0, 1.0, 1.0)).at(), rj.ground.at()),
+        r"in 3 and 2 dimensions; give all points of a part x, y, z in space",
+    ),
+    "gravity of the plane in space": (
+        lambda: rj.Scene(
+            [spatial.RigidBody("top", 1.0, (1.0, 1.0, 1.0))], [], [rj.Gravity()]
+        ).check(),
+        r"effect 'Gravity' is in the plane, .*\. Its vector needs 3 numbers",
+    ),
+    "one body in place of a list": (
+        lambda: rj.Scene(bar()),
+        r"a list of parts is needed in place of one RigidBody; put it in brackets, as in \[part\]",
+    ),
     "a body among the joints": (
         lambda: rj.assemble(rj.Scene([bar()], [bar("other")])),
         r"Scene\.joints holds .*no AbstractJoint",

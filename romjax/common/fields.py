@@ -11,6 +11,7 @@ import equinox as eqx
 from jaxtyping import Array
 
 from .arrays import Number, as_array
+from .errors import SceneError
 
 __all__ = [
     "ANGLE",
@@ -69,7 +70,16 @@ else:
 
     def parts(**kwargs: Any) -> Any:
         """A field holding a tuple of elements, of any sequence of them."""
-        return eqx.field(converter=tuple, **kwargs)
+        return eqx.field(converter=_as_tuple, **kwargs)
+
+
+def _as_tuple(value: Any) -> tuple[Any, ...]:
+    if isinstance(value, eqx.Module):
+        raise SceneError(
+            f"a list of parts is needed in place of one {type(value).__name__}; put it in "
+            "brackets, as in [part]."
+        )
+    return tuple(value)
 
 
 def _as_number(value: Any) -> Array | None:

@@ -1,6 +1,6 @@
 """Markers: the only connectors between bodies, joints and effects."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -268,31 +268,3 @@ class Ground(eqx.Module):
 
 
 ground = Ground()
-
-
-def check_distinct(owner: str, a: Marker, b: Marker) -> None:
-    """Raise if a joint would tie a body to itself."""
-    if a.body == b.body:
-        raise SceneError(
-            f"{owner}: both markers are on '{a.body}'; a joint needs two bodies, "
-            "or one body and the ground."
-        )
-
-
-def check_markers(owner: str, markers: Sequence[Marker], dimensions: tuple[int, ...]) -> None:
-    """Check the markers of a part that there is in the plane (2), in space (3), or in both."""
-    for marker in markers:
-        marker.check(owner)
-        if marker.dimension not in dimensions:
-            words = {2: "the plane", 3: "space"}
-            raise SceneError(
-                f"{owner}: its marker on '{marker.body}' is in {words[marker.dimension]}, but the "
-                f"part is one of {words[dimensions[0]]}; romjax has the parts of the plane, "
-                "romjax.spatial those of space."
-            )
-        if marker.dimension != markers[0].dimension:
-            raise SceneError(
-                f"{owner}: its markers on '{markers[0].body}' and '{marker.body}' are in "
-                f"{markers[0].dimension} and {marker.dimension} dimensions; all points of a part "
-                "need the same."
-            )

@@ -70,6 +70,17 @@ def quaternion_of(
     """
     if axis is not None and given is not None:
         raise SceneError(f"{owner}: give either an axis or a rotation, not both.")
+    if np.shape(angle):
+        raise SceneError(
+            f"{owner}: the angle has the shape {np.shape(angle)}; give a number [rad], and an axis "
+            "by its name, axis=(0.0, 0.0, 1.0).",
+            field="angle",
+        )
+    if isinstance(axis, str):
+        raise SceneError(
+            f"{owner}: the axis is {axis!r}; give three numbers, such as (0.0, 0.0, 1.0).",
+            field="axis",
+        )
     own = rotation((0.0, 0.0, 1.0), angle)
     if axis is not None:
         return as_array(quaternions.product(*untraced(_to_axis(owner, as_array(axis)), own)))

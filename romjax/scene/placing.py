@@ -10,7 +10,7 @@ from ..common.arrays import Number, Vector, as_array, as_jax, namespace, untrace
 from ..common.errors import SceneError
 from ..linalg import quaternions
 from ..linalg.plane import perpendicular
-from .fields import check_shape
+from .fields import check_kind, check_shape
 from .marker import GROUND, Marker, Pose
 from .orientation import quaternion_of
 
@@ -48,6 +48,7 @@ def brought(body: B, point: Vector, to: Pose, angle: Number | None, rotation: An
             "body that it is made of."
         )
     owner, d = f"body '{body.name}'", body.dimension
+    check_kind(owner, "the pose", to, Pose, "ground.pose(point), or other.pose(point) of a body")
     if to.dimension != d:
         raise SceneError(f"{owner}: it has {d} dimensions, but the pose has {to.dimension}.")
     if (rotation if d == 2 else angle) is not None:

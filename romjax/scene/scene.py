@@ -189,9 +189,10 @@ class Scene(eqx.Module):
                 given.append((f"effect '{part.label().rstrip('()')}'", part.dimension))
         for owner, dimension in given:
             if dimension != self.dimension:
+                needed = f" Its vector needs {self.dimension} numbers." * owner.startswith("effect")
                 raise SceneError(
                     f"{owner} is {words[dimension]}, but {given[0][0]} is {words[self.dimension]}; "
-                    "a scene is in the plane as a whole, or in space."
+                    f"a scene is in the plane as a whole, or in space.{needed}"
                 )
 
     def _repr_html_(self) -> str | None:

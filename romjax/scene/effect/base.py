@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 from ...common.arrays import Time, concrete
 from ...common.errors import SceneError
 from ...common.fields import AbstractClassVar
-from .. import marker
+from .. import marker_checks
 from ..body.base import AbstractBody
 from ..fields import check_choice, check_numbers
 from ..marker import Marker, Pose, Poses, Twists, Wrench, Wrenches
@@ -32,6 +32,7 @@ class AbstractEffect(eqx.Module):
     hatched: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
+        marker_checks.check_connected(self)
         self.check()
 
     @property
@@ -269,5 +270,5 @@ def check_direction(owner: str, effect: Any, dimension: int) -> None:
 def check_markers(effect: AbstractEffect) -> str:
     """Check the markers of an effect; returns how messages call it."""
     owner = f"effect '{effect.label()}'"
-    marker.check_markers(owner, effect.markers, getattr(effect, "dimensions", (2, 3)))
+    marker_checks.check_markers(owner, effect.markers, getattr(effect, "dimensions", (2, 3)))
     return owner

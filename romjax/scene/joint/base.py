@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 from ...common.arrays import Time
 from ...common.fields import AbstractClassVar
 from ...linalg import quaternions
-from ..marker import Marker, Pose, Poses, check_distinct, check_markers
+from ..marker import Marker, Pose, Poses
+from ..marker_checks import check_connected, check_distinct, check_markers
 from ..outline import Outlines, linked
 
 # The coordinates of joints that turn in any direction.
@@ -57,6 +58,7 @@ class AbstractJoint(eqx.Module):
     slips: ClassVar[tuple[int, ...]] = ()
 
     def __check_init__(self) -> None:
+        check_connected(self)
         self.check()
 
     @abc.abstractmethod

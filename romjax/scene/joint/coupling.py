@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 
 from ...common.arrays import Time, Vector
 from ..fields import Converted, check_finite, check_shape, number
-from ..marker import Marker, Pose, Poses, check_distinct
+from ..marker import Marker, Pose, Poses
+from ..marker_checks import check_distinct
 from ..motion import check_motion, moved
 from ..outline import Outline, Outlines
 from .base import AbstractJoint

@@ -13,7 +13,8 @@ from ...common.errors import SceneError
 from ..counted_angle import counted_angle
 from ..drawing import belt, length_between, wheel
 from ..fields import check_numbers, number, radians
-from ..marker import GROUND, Marker, Pose, Poses, check_distinct
+from ..marker import GROUND, Marker, Pose, Poses
+from ..marker_checks import check_distinct
 from ..outline import Outline, Outlines
 from .base import AbstractJoint
 from .revolute import Revolute
