@@ -31,6 +31,18 @@ def run(system):
     return zoo.run(system, TS, rtol=1e-5, solver=zoo.RODAS5P, stabilization=keep)
 
 
+def test_a_run_in_a_line(run):
+    """Which Python shows at its prompt; while JAX traces, it is shown by its types."""
+    named = "Trajectory(5 times, 2 coordinates: {}; success: {} steps of Rodas5P to t = 0.2 s"
+    assert repr(run).startswith(named.format(", ".join(run.labels), int(run.stats.num_steps)))
+    assert "\n" not in repr(run)
+    batch = jax.tree.map(lambda x: np.stack([x, x]), run)
+    assert "; 2 of 2 runs succeeded)" in repr(batch)
+    seen = []
+    jax.eval_shape(lambda x: seen.append(repr(x)), run)
+    assert seen[0].startswith("Trajectory(\n")
+
+
 def test_the_settings_of_a_run(run):
     stats = run.stats
     assert stats.num_steps == stats.num_accepted_steps + stats.num_rejected_steps > 0

@@ -2,10 +2,14 @@
 
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
+from ..common.arrays import concrete
 from ..system.flags import WORDS, Flag
 from .status import REMEDIES, Status
+
+_SHOWN = 4  # coordinates, of which Python's prompt shows the names
 
 
 def summary(run: Any) -> str:
@@ -38,6 +42,17 @@ def summary(run: Any) -> str:
     if run.bar is not None:
         words.append(run.bar.describe())
     return "; ".join(words)
+
+
+def shown(run: Any) -> str:
+    """A `Trajectory` in a line, which Python shows at its prompt; with types where JAX traces."""
+    needed = (run.t, run.violation, run.status, run.flags, run.stats.num_steps)
+    if not all(eqx.is_array_like(x) and concrete(x) is not None for x in needed):
+        return str(eqx.tree_pformat(run))
+    labels = run.labels
+    names = ", ".join(labels[:_SHOWN]) + ", …" * (len(labels) > _SHOWN)
+    size = f"{run.t.shape[-1]} times, {len(labels)} coordinates: {names}"
+    return f"Trajectory({size}; {summary(run)})"
 
 
 def _failure(status: Any) -> str:

@@ -36,7 +36,7 @@ from .outputs import strided
 from .statistics import Statistics
 from .status import Status
 from .step_states import StepStates
-from .summary import summary
+from .summary import shown, summary
 
 
 class Trajectory(eqx.Module):
@@ -226,7 +226,7 @@ class Trajectory(eqx.Module):
         """The same motion at other `times` (k,) [s], by the dense output of a run that was
         simulated with `dense=True`; an imbalance is that at the output before.
 
-        Raises InputError for a run without dense output, or times outside of the run.
+        Raises InputError for a run without dense output, or times outside of it.
         """
         if self.dense is None:
             raise InputError(
@@ -273,9 +273,8 @@ class Trajectory(eqx.Module):
     def noise(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Return the errors of positions and velocities that tolerances allow, in the energy norm.
 
-        The step size control holds the errors of velocities below atol + rtol |v|. Those that point
-        out of the motion's own directions oscillate with the fastest frequency ω of the system, and
-        so leave 1/ω of it in the positions. Zero for a run in fixed steps, which has no tolerances.
+        Steps hold errors of velocities below atol + rtol |v|; those out of the motion's directions
+        oscillate with the fastest frequency ω: 1/ω of it in positions. Zero in fixed steps.
         """
         check_one_run("Trajectory.noise", self.t)
         stats = self.stats
@@ -293,6 +292,8 @@ class Trajectory(eqx.Module):
         Raises InputError as `Trajectory.system`; `romjax.animate` is told which it is.
         """
         return picture_of(self, *others, **options)
+
+    __repr__ = shown
 
     def _repr_html_(self) -> str | None:
         """Return the moving picture of the run; None where that needs more than the run."""
