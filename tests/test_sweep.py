@@ -22,7 +22,7 @@ from zoo import Stiffness, run, unit_circle, unit_mass
 import romjax as rj
 from romjax.study.sweeps import claims
 from romjax.study.sweeps.chunks import Chunks
-from romjax.study.sweeps.sweep import _chunk
+from romjax.study.sweeps.sweep import Sweep, _chunk
 
 TS = np.linspace(0.0, 0.5, 11)
 
@@ -51,6 +51,16 @@ def lanes(count):
 @pytest.fixture(scope="module")
 def whole():
     return rj.sweep(swing, lanes(20), chunk=8)
+
+
+@pytest.mark.instant
+def test_success_knows_what_runs_warn_of():
+    """Tolerances that are too coarse, as well as lost energy; not where a model leaves its box."""
+    told = [rj.Flag.NONE, rj.Flag.ENERGY, rj.Flag.RESOLUTION, rj.Flag.PHASE, rj.Flag.UNTRIED]
+    found = Sweep(None, np.zeros(5, int), np.array([int(x) for x in told]), None)
+    assert found.success.tolist() == [True, False, False, False, True]
+    assert [*found.failures()] == [1, 2, 3]
+    assert "so many times" in found.failures()[3]
 
 
 @pytest.mark.instant

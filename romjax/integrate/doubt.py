@@ -24,8 +24,8 @@ from .trajectory import Trajectory
 DOUBTS = int(Flag.ENERGY | Flag.DISSIPATION | Flag.BRANCH | Flag.LIMIT)
 _MENDED = int(Flag.ENERGY | Flag.BRANCH)
 _LIMIT, _RESOLUTION, _PHASE = int(Flag.LIMIT), int(Flag.RESOLUTION), int(Flag.PHASE)
-# Of what runs warn whose tolerances are too coarse, within programs too.
-_TOLD = DOUBTS | _RESOLUTION | _PHASE
+# Of what runs warn, also whose tolerances are too coarse, within programs and sweeps too.
+TOLD = DOUBTS | _RESOLUTION | _PHASE
 # In whose name runs within a program tell of themselves when it runs.
 _OWNER = contextvars.ContextVar[str | None]("owner", default=None)
 _SUCCESS, _VIOLATED = int(Status.SUCCESS), int(Status.CONSTRAINTS_VIOLATED)
@@ -68,7 +68,7 @@ def telling(owner: str) -> Iterator[None]:
 def warn_of_outcome(owner: str, status: Any, flags: Any) -> None:
     """Warn, in the name of `owner`, of a run that failed or is doubtful, by its numbers."""
     # Within a program no run is repeated with tolerances for its size.
-    failed, doubts = int(status) != _SUCCESS, int(flags) & _TOLD
+    failed, doubts = int(status) != _SUCCESS, int(flags) & TOLD
     if failed:
         words = f"a run failed: {REMEDIES[Status(int(status))]}"
     else:
@@ -106,7 +106,7 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     owner = _OWNER.get()
     if owner is not None and concrete(run.status) is None:
         # Only where there is something to say: leaving the program takes as long as a small run.
-        speaks = (run.status != _SUCCESS) | (run.flags & _TOLD != 0)
+        speaks = (run.status != _SUCCESS) | (run.flags & TOLD != 0)
         tell = functools.partial(jax.debug.callback, functools.partial(warn_of_outcome, owner))
         jax.lax.cond(speaks, tell, lambda *_: None, run.status, run.flags)
     status, flags = _outcome(run)

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from ...common.files import dataset_of, write_dataset
 from ...compiling.program import Program
 from ...compiling.xla import tracing_with_options
-from ...integrate.doubt import DOUBTS
+from ...integrate.doubt import TOLD
 from ...integrate.status import REMEDIES, Status
 from ...integrate.trajectory import Trajectory
 from ...system.flags import WORDS
@@ -48,8 +48,8 @@ class Sweep:
 
     @property
     def success(self) -> np.ndarray:
-        """Whether each lane ended, and kept its energy, dissipation and branch, (lanes,)."""
-        success: np.ndarray = (self.status == Status.SUCCESS) & (self.flags & DOUBTS == 0)
+        """Whether each lane ended without anything that a run by itself would warn of, (lanes,)."""
+        success: np.ndarray = (self.status == Status.SUCCESS) & (self.flags & TOLD == 0)
         return success
 
     @property
