@@ -193,6 +193,17 @@ def test_a_batch_over_velocities_at_one_configuration():
     assert_close(lanes, np.stack(single), SOLVED, scale=np.max(single))
 
 
+def test_joints_that_repeat_others_in_a_batch():
+    """How many do is known of a mechanism whose numbers are, and at which others are refused."""
+    scene = zoo.bars((1.0,) * 3, 1.0, (-np.pi / 2,) * 3, (0.0,) * 3)
+    whole = rj.assemble(rj.Scene(scene.bodies, [*scene.joints, scene.joints[0]], scene.effects))
+    single = rj.modes(whole).frequencies
+    lanes = jax.vmap(lambda q: rj.modes(whole, q).frequencies)(np.stack([whole.q0, whole.q0]))
+    assert_close(lanes, np.stack([single, single]), SOLVED, scale=np.max(single))
+    with pytest.raises(RuntimeError, match="modes: constraints repeat each other"):
+        jax.block_until_ready(jax.jit(lambda whole: rj.modes(whole).frequencies)(whole))
+
+
 @jax.jit
 @jax.vmap
 def frequency_and_slopes(stiffness):

@@ -22,7 +22,8 @@ from ..scene.coordinate import INTEGRAL
 from ..scene.effect.base import AbstractMarkerEffect
 from ..scene.signal import Constant, is_signal, signals_of
 from ..system.base import AbstractSystem, check_system
-from .tangent import independent_constraints, refuse_clocks, refuse_slips, tangent_of
+from .independent import independent_constraints
+from .tangent import refuse_clocks, refuse_slips, tangent_of
 
 # What acts: an effect of unit strength, or generalized forces of physical coordinates.
 Input = AbstractMarkerEffect | Callable[..., Array]
@@ -106,7 +107,7 @@ def linearize(
     kinds, remedy = (AbstractMarkerEffect, Callable), "an effect or a function of t, q, v"
     for name, what in inputs.items():
         check_kind("linearize", f"input {name!r}", what, kinds, remedy)
-    independent = independent_constraints("linearize", system, time, q, velocity)
+    independent, q = independent_constraints("linearize", system, time, q, velocity)
     a, b, c, d, shapes = _matrices(
         system, time, q, velocity, independent, tuple(inputs.values()), tuple(named.values())
     )

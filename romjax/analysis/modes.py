@@ -18,7 +18,8 @@ from ..common.partition import detached
 from ..compiling.program import program_once
 from ..system.base import AbstractSystem, check_system, refuse_states
 from .imbalance import Imbalance, imbalance_of, is_needed, warn_of_imbalance
-from .tangent import check_turn, independent_constraints, refuse_clocks, refuse_slips, tangent_of
+from .independent import check_turn, independent_constraints
+from .tangent import refuse_clocks, refuse_slips, tangent_of
 from .turning import turn
 
 # What eigenvalues are rounded by, relative to the largest one: those that are zero twice, of free
@@ -110,7 +111,7 @@ def modes(
     known = concrete(velocity)
     refuse_slips("modes", system, v is not None and (known is None or bool(np.any(known))))
     seen = None if generator is not None else velocity
-    independent = independent_constraints("modes", system, time, q, seen)
+    independent, q = independent_constraints("modes", system, time, q, seen)
     # Where JAX traces, and about what moves, nothing can be told.
     tells = v is None and is_outermost()
     result, imbalance = _modes(system, time, q, velocity, independent, generator, np.asarray(tells))

@@ -8,23 +8,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..assembly.assembled import controllers_of
-from ..common.arrays import Time, concrete
+from ..common.arrays import Time
 from ..common.errors import InputError
-from ..compiling.program import program_once
 from ..linalg import quaternions
 from ..linalg.dense import multiply
 from ..system import unit_length
 from ..system.base import AbstractSystem
 from ..system.constraints import differentiate
 from ..system.dynamics import linearize as derivatives_of_acceleration
-from ..system.mobility import moves
-from ..system.start import Start
-
-# A state contradicts the constraints that it violates by more than this share of the mechanism's
-# size, of which loose tolerances leave less.
-_CONTRADICTS = 1e-3
-# Singular values of C_q, with rows of unit length in the metric of M⁻¹, below this are zero.
-_ZERO = 1e-8
+from .independent import scaled_rows
 
 
 class Tangent(NamedTuple):
@@ -79,94 +71,6 @@ def refuse_clocks(owner: str, system: AbstractSystem) -> None:
             f"{owner}: the controller '{name}' acts at its ticks, which equations of motion do not "
             "have; ask the scene without it and without what it drives, or put its law in as an "
             "effect, such as a PID."
-        )
-
-
-def independent_constraints(
-    owner: str,
-    system: AbstractSystem,
-    t: Float[Array, ""],
-    q: Float[Array, " n"],
-    v: Float[Array, " n"] | None,
-) -> int:
-    """How many constraints do not repeat others, without the lengths of quaternions.
-
-    While JAX traces, it is unknown and all count. Raises InputError, beginning with `owner`, if
-    these leave no freedom, or if the state contradicts them. `v`: None in a turning frame, with
-    which the ground turns, too.
-    """
-    if system.m == 0:
-        return 0
-    singular, state = _constraints(system, t, q, jnp.zeros_like(q) if v is None else v)
-    values = concrete(singular)
-    if values is not None:
-        _check_state(owner, system, state, v is not None)
-        return int(np.sum(values > _ZERO)) - len(system.structure.quaternions)
-    if unit_length.freedoms(system) <= 0:
-        raise InputError(
-            f"{owner}: {system.m} constraints on {system.n} coordinates leave no freedom, unless "
-            "some of them repeat others; while JAX traces, it is unknown how many do. Take these "
-            "out, or call it without a transformation."
-        )
-    return system.m
-
-
-@program_once
-def _constraints(
-    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Float[Array, " n"]
-) -> tuple[Float[Array, " least"], Start]:
-    """The singular values of the constraints, and what they are at a state."""
-    values = jnp.linalg.svd(_scaled_rows(system, t, q)[0], compute_uv=False)
-    return values, Start.of(system, t, q, v, _CONTRADICTS)
-
-
-def _check_state(owner: str, system: AbstractSystem, state: Start, rates: bool) -> None:
-    """Raise InputError, beginning with `owner`, for a state that the constraints contradict; by its
-    velocity, too, where `rates` count.
-    """
-    names = system.structure.constraints
-    # A batch over velocities at one configuration is known in part.
-    closed, fits = concrete(state.closed), concrete(state.fits)
-    if closed is not None and not closed:
-        row = state.worst()
-        raise InputError(
-            f"{owner}: {names[row]} is violated by {float(state.violation[row]):.3g} in the state "
-            "that is asked about; take an equilibrium, romjax.equilibrium(system, t=t), or a state "
-            "of romjax.consistent(system, q, v, t).",
-            part=names[row],
-        )
-    if rates and fits is not None and not fits:
-        fastest = state.worst_rate()
-        raise InputError(
-            f"{owner}: {names[fastest]} is violated at the rate {float(state.rate[fastest]):.3g} "
-            "/s by the velocity that is asked about; leave v out for a mechanism at rest whose "
-            "drives stand, or take one of romjax.consistent(system, q, v, t).",
-            part=names[fastest],
-        )
-
-
-def check_turn(
-    owner: str, system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"], v: Array
-) -> None:
-    """Raise InputError, beginning with `owner`, where a drive moves at a rate that a mechanism that
-    turns with the velocities `v` does not have: then it does not turn steadily.
-    """
-    if system.m == 0 or not moves(system):
-        return
-    (_, still), (_, turned) = (_constraints(system, t, q, x) for x in (jnp.zeros_like(v), v))
-    rates, left, allowed = (concrete(x) for x in (still.rate, turned.rate, turned.allowed_rate))
-    if rates is None or left is None or allowed is None:
-        return
-    # The ground turns too, so that joints to it are asked for nothing unless they move by
-    # themselves.
-    wrong = np.flatnonzero((np.abs(rates) > allowed) & (np.abs(left) > allowed))
-    if wrong.size:
-        name, row = system.structure.constraints[wrong[0]], wrong[0]
-        raise InputError(
-            f"{owner}: {name} moves by {float(-rates[row]):.3g} /s and turning makes it move by "
-            f"{float(left[row] - rates[row]):.3g}, so that the mechanism does not turn steadily; "
-            "give turning the angular velocity of the drive, or v, the velocities of one moment.",
-            part=name,
         )
 
 
@@ -260,7 +164,7 @@ def _null_space(
     """A basis of what C_q and lengths leave free, orthonormal in the metric of M; a constant."""
     # The rows are C_q L⁻ᵀ with M = L Lᵀ: vectors that are orthonormal there are so in the kinetic
     # energy.
-    rows, half = jax.lax.stop_gradient(_scaled_rows(system, t, q))
+    rows, half = jax.lax.stop_gradient(scaled_rows(system, t, q))
     structure = system.structure
     moving = np.flatnonzero(~structure.is_state)
     _, _, right = jnp.linalg.svd(rows[:, moving], full_matrices=True)
@@ -272,18 +176,3 @@ def _null_space(
         free = jnp.concatenate([wide, jnp.asarray(own, q.dtype)], axis=1)
     basis: Float[Array, "n d"] = jax.scipy.linalg.solve_triangular(half, free, lower=True, trans=1)
     return basis
-
-
-def _scaled_rows(
-    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
-) -> tuple[Float[Array, "m n"], Float[Array, "n n"]]:
-    """C_q L⁻ᵀ, those of lengths of quaternions among its rows of unit length, and L of M = L Lᵀ; a
-    row of zeros without constraints.
-    """
-    half = jnp.linalg.cholesky(system.mass(q))
-    if unit_length.count(system) == 0:
-        return jnp.zeros((1, system.n), q.dtype), half
-    rows = unit_length.jacobian(system, t, q)
-    free = jax.scipy.linalg.solve_triangular(half, rows.T, lower=True).T
-    lengths = jnp.sqrt(jnp.sum(free**2, axis=1, keepdims=True))
-    return free / jnp.where(lengths > 0, lengths, 1), half
