@@ -80,18 +80,32 @@ def test_a_motor_takes_errors_back():
     assert rj.simulate(system, np.linspace(0.0, 40.0, 101)).is_valid
 
 
-@pytest.mark.slow
-def test_a_wheel_that_nothing_moves():
-    """Errors of the carriage, which vibrates for long, are none of the angle of its wheel."""
+def wheel_on_a_carriage(inertia, spin=0.0, torque=None) -> rj.Scene:
+    """The carriage vibrates on a spring."""
     at = {"position": (0.1, 0.0)}
     carriage = rj.RigidBody("carriage", 1.0, 1.0, **at)
-    wheel = rj.RigidBody("wheel", 1.0, 1e-5, angular_velocity=100.0, **at)
+    wheel = rj.RigidBody("wheel", 1.0, inertia, angular_velocity=spin, **at)
     joints = [
         rj.Prismatic(carriage.at(), rj.ground.at()),
         rj.Revolute(wheel.at(), carriage.at()),
     ]
     spring = rj.Spring(carriage.at(), rj.ground.at((-1.0, 0.0)), 200.0, rest_length=1.0)
-    system = rj.assemble(rj.Scene([carriage, wheel], joints, [spring]))
+    loads = [] if torque is None else [rj.Torque(wheel.at(), rj.Constant(torque))]
+    return rj.Scene([carriage, wheel], joints, [spring, *loads])
+
+
+def test_errors_of_a_carriage_are_none_of_the_wheel_that_a_motor_turns():
+    """637 turns of a constant acceleration, in which no step errs."""
+    inertia, torque, ts = 1e-3, 0.02, np.linspace(0.0, 20.0, 101)
+    run = rj.simulate(rj.assemble(wheel_on_a_carriage(inertia, torque=torque)), ts)
+    assert run.is_valid
+    assert_close(run["wheel.phi"], 0.5 * torque / inertia * ts**2, ALLOWED)
+
+
+@pytest.mark.slow
+def test_a_wheel_that_nothing_moves():
+    """Errors of the carriage, which vibrates for long, are none of the angle of its wheel."""
+    system = rj.assemble(wheel_on_a_carriage(1e-5, spin=100.0))
     run = rj.simulate(system, np.linspace(0.0, 20.0, 101), solver=RODAS5P, atol=RTOL)
     assert run.is_valid
     # What speed the errors of the energy would give to the wheel.

@@ -25,7 +25,7 @@ from ...system.state import AbstractState, Power
 from ..post_step import PostStep
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
-from .phase import Phase, Response, spins_of
+from .phase import Phase, Response, shares_of, spins_of
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -131,6 +131,7 @@ class Audit(AbstractFollower):
             spins = spins_of(self.system.full, state.q, state.v)
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
+            gained *= self._shares(state, spins, after.y, tried.error)
             # No derivative is taken of findings, and that of the size of no spin is infinite.
             parts = jax.lax.stop_gradient((h, spins, now.kinetic, gained, response))
             phase = phase.follow(*parts)
@@ -215,6 +216,22 @@ class Audit(AbstractFollower):
             faster += h * jnp.maximum(given - more, 0)
             early = h * jnp.maximum(jax.jvp(lambda t: supply(t, zero), (t,), (zero + 1,))[1], 0)
         return Response(faster, early)
+
+    def _shares(
+        self, state: AbstractState, spins: Float[Array, "bodies axes"], y: Any, error: Any
+    ) -> Float[Array, " bodies"]:
+        """The share of each body in a step's error of energy; all, where nobody estimates it."""
+        if not self.controlled:
+            return jnp.ones(len(spins), spins.dtype)
+        at_rest = state.physical_acceleration(jnp.zeros_like(y[1]))
+
+        def turning(change: Array) -> Array:
+            physical = state.physical_acceleration(change) - at_rest
+            return spins_of(self.system.full, state.q, physical)
+
+        both = error[0], error[1]
+        v = self.system.structure.without_states(y[1])
+        return shares_of(state.energy(), v, both, spins, (turning(both[0]), turning(both[1])))
 
     def _drive(self, system: AbstractSystem, state: AbstractState, t: Array, y: Any) -> Array:
         """The power of joints that move with time.
