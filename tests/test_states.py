@@ -46,9 +46,9 @@ def controlled(gains=GAINS, **options) -> rj.Scene:
     return cart(pid, rj.Spring(RAIL, rj.ground.at((-1.0, 0.0)), STIFFNESS, rest_length=1.0))
 
 
-def linear(lag=None) -> np.ndarray:
+def linear(lag=None, gains=GAINS) -> np.ndarray:
     """The matrix of (x, x', z, [f], 1)."""
-    p, i, d = GAINS
+    p, i, d = gains
     command = np.array([-p, -d, 1.0, p * TARGET])
     force = command if lag is None else np.zeros(4)
     matrix = np.zeros((4, 4))
@@ -244,6 +244,28 @@ def test_files_and_events(tmp_path):
     again = rj.load(tmp_path / "run.nc")
     assert np.array_equal(again["pid.force"], moved["pid.force"])
     assert again.scene.effects[0].name == "pid"
+
+
+def test_the_last_configuration_of_a_run_holds_the_states():
+    """As that of an equilibrium does: statics, linear models and runs begin there with them, and
+    not with their integrals. The integral part, which nothing changes without its gain, stays.
+    """
+    part, (p, _, d) = 5.0, GAINS
+    steady = (p * TARGET + part) / (p + STIFFNESS)
+    # Cut off where the integral part would be its integral.
+    gains, limit = (p, 0.0, d), STIFFNESS * steady + part / 2
+    system = rj.assemble(controlled(gains, lag=LAG, start=part, largest=limit))
+    moved = run(system, 3 * TIMES)
+    last, force = moved.q[-1], moved["pid.force"][-1]
+    resting = rj.measure(system, last, RAIL).acceleration
+    assert np.allclose(resting[0], (force - STIFFNESS * moved["cart.x"][-1]) / MASS, atol=1e-9)
+    assert run(system, TIMES[:2], q0=last)["pid.integral"][0] == part
+    balance = np.asarray(rj.equilibrium(system, last))
+    assert np.allclose(balance[[0, 3, 4]], [steady, part, STIFFNESS * steady], atol=1e-9)
+    model = rj.linearize(system, {}, [], at=last)
+    wanted = np.linalg.eigvals(linear(LAG, gains)[:4, :4])
+    found = np.linalg.eigvals(np.asarray(model.A))
+    assert np.allclose(np.sort_complex(found), np.sort_complex(wanted), atol=1e-7)
 
 
 def balanced(integrals, begun):

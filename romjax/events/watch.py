@@ -194,7 +194,9 @@ class Watch(AbstractWatch):
         def at(t: Array, before: Any, after: Any) -> tuple[Array, Array, Array]:
             system, (q, v, *_) = local_system(self.system, self.post_step, before), before
             state = system.state(t, q, v)
-            return state.q, state.v, system.state(t, q, after[1]).v
+            # States of effects are in their places, as in outputs.
+            now = system.full.structure.with_states(state.q, state.v)
+            return now, state.v, system.state(t, q, after[1]).v
 
         q, v_before, v_after = jax.vmap(at)(record.time, record.before, record.after)
         # Rows without an event hold the start, as the record has it, and get a time that never

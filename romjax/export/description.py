@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..analysis.linearization import Output
 from ..common.errors import InputError
-from ..scene.coordinate import Coordinate
+from ..scene.coordinate import INTEGRAL, Coordinate
 from .leaving import Model
 
 _BASE = ("kg", "m", "s", "rad")
@@ -51,7 +51,7 @@ class Variables(NamedTuple):
             *states
         }
         computed = {key: x for key, x in model.outputs.items() if key not in shown}
-        plain = [coordinate.unit for coordinate in coordinates]
+        plain = [_integrated_unit(coordinate) for coordinate in coordinates]
         units = dict(zip(states, [*plain, *map(_rate, plain)], strict=True))
         full = _units_of(model.nominal.full.structure.coordinates)
         variables = [
@@ -86,8 +86,14 @@ class Variables(NamedTuple):
 
 def _units_of(coordinates: tuple[Coordinate, ...]) -> dict[str, str]:
     """The units of coordinates and their rates, by their labels."""
-    known = {x.label: x.unit for x in coordinates}
+    known = {x.label: _integrated_unit(x) for x in coordinates}
     return known | {f"{label}'": _rate(unit) for label, unit in known.items()}
+
+
+def _integrated_unit(coordinate: Coordinate) -> str:
+    """The unit of a coordinate as models integrate it: of a state, that of its integral."""
+    is_integral = coordinate.unit and coordinate.name.startswith(INTEGRAL)
+    return f"{coordinate.unit} s" if is_integral else coordinate.unit
 
 
 def _rate(unit: str) -> str:

@@ -52,15 +52,21 @@ class Output(NamedTuple):
 def output_at(
     system: AbstractSystem, post_step: PostStep | None, t: Float[Array, ""], y: Any
 ) -> Output:
-    """Return the output to save for an integrated state; jitted so that it is traced once."""
+    """Return the output to save for an integrated state; jitted so that it is traced once.
+
+    First-order states are in their places in q, as in an equilibrium, so that every verb takes the
+    configuration of an output for what it is. On their integrals nothing depends.
+    """
     q, v, *charts = y
     chart = charts[0] if charts else None
     local = local_system(system, post_step, y)
+    own, full = local.structure, local.full.structure
     if local.full is local:
-        return Output(q, v, _largest(local.constraint(t, q)), None)
+        return Output(own.with_states(q, v), v, _largest(local.constraint(t, q)), None)
     state = local.state(t, q, v)
-    reduced = SystemOutput(q, v, chart, _largest(local.constraint(t, q)))
-    return Output(state.q, state.v, _largest(local.full.constraint(t, state.q)), reduced)
+    violation = _largest(local.full.constraint(t, state.q))
+    reduced = SystemOutput(own.with_states(q, v), v, chart, _largest(local.constraint(t, q)))
+    return Output(full.with_states(state.q, state.v), state.v, violation, reduced)
 
 
 def _largest(violation: Float[Array, " m"]) -> Float[Array, ""]:

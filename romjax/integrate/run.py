@@ -165,6 +165,9 @@ def _trajectory(
 ) -> Trajectory:
     controlled, frequencies = settings.dt is None, settings.frequencies
     findings, states = run.findings, run.seen.get(STATES)
+    if states is not None:
+        q, v, *_ = states.y
+        states = StepStates(states.t, system.structure.with_states(q, v), v)
     statistics = compat.make_module(
         Statistics,
         num_steps=judgement.steps,
@@ -190,7 +193,7 @@ def _trajectory(
         imbalance=run.imbalance,
         events=run.events,
         dense=dense,
-        states=None if states is None else StepStates(states.t, *states.y),
+        states=states,
         followed=run.seen.get(MONITORS, ()),
         coordinates=system.full.structure.coordinates,
         solver_parts=Partitioned.of(settings.solver),

@@ -43,6 +43,7 @@ class Trajectory(eqx.Module):
     """A simulated motion at the output times, in physical coordinates.
 
     - `t` (k,) [s]; `q`, `v` (k, n): coordinates and velocities, lifted if the system was reduced.
+      States of effects are in their places in both, so that a row of q is what `linearize` takes.
     - `violation` (k,): largest |C| of the mechanism's own constraints.
     - `multipliers` (k, m): Lagrange multipliers, and `metric` (n, n): mass matrix at the start, of
       quaternions with the mean moment of inertia; evaluated on demand, from what is `derived`.
@@ -55,8 +56,7 @@ class Trajectory(eqx.Module):
     - `balance`: that of its energy, a `romjax.EnergyBalance`; None where nobody drew it up.
     - `imbalance` (k,): what of its energy was gained up to the step before each output, and not by
       work [J]; None where nobody drew up the balance.
-    - `branching`: how well the motion stayed on its branch, a `romjax.Branching`; None where
-      constraints cannot lose rank.
+    - `branching`: how it stayed on its branch, a `romjax.Branching`; None without closed loops.
     - `events`: what happened, a `romjax.Events`; None where no events were watched.
     - `dense`: the motion between the outputs, by which `at` goes; None without `dense=True`.
     - `states`: those at the ends of steps, of a mechanism with contacts, which may be shorter than

@@ -15,7 +15,8 @@ class Coordinate(NamedTuple):
 
     - `owner`: the body that it belongs to; empty for coordinates of one's own systems.
     - `name`: short, such as "phi".
-    - `unit`: in SI units, with powers such as "kg^1/2 m"; empty where it is unknown.
+    - `unit`: in SI units, with powers such as "kg^1/2 m"; empty where it is unknown. Of what
+      carries a state, that of the state.
     - `symbol`: in TeX's mathematics, such as "\varphi"; the name in plain type if it is empty.
     - `description`: in words, such as "bending mode 1 of beam"; the label if it is empty.
     """

@@ -3,7 +3,8 @@
 A state x' = f of an effect is the rate of a coordinate s of its own, s' = x, with a unit inertia
 and the force f, so that its equation of motion is x' = f. Methods, events, outputs, derivatives and
 batches take it as they take any coordinate; only energies leave it out, since its inertia is none.
-Nothing depends on s itself, which begins at the value of the state.
+Nothing depends on s itself, which begins at the value of the state. Configurations that runs and
+equilibria return have the state in its place.
 """
 
 import equinox as eqx
@@ -35,6 +36,5 @@ class StateCarrier(AbstractOneCoordinate):
 
     def coordinates(self) -> tuple[Coordinate, ...]:
         state, _, owner = self.name.partition(" of ")
-        about = f"time integral of the state {state} of {owner}"
-        unit = f"{self.unit} s" if self.unit else ""
-        return (Coordinate(owner, f"{INTEGRAL}{state}", unit, "", about),)
+        about = f"state {state} of {owner}"
+        return (Coordinate(owner, f"{INTEGRAL}{state}", self.unit, "", about),)

@@ -127,6 +127,12 @@ class Structure:
         """
         return jnp.where(self.is_state, q, 0) if self.states else jnp.zeros_like(q)
 
+    def with_states(self, q: Array, v: Array) -> Array:
+        """Configurations (…, n) with the states of the velocities `v` in their places, as those of
+        equilibria have them; the same array where there are none.
+        """
+        return jnp.where(self.is_state, v, q) if self.states else q
+
     @functools.cached_property
     def turns(self) -> np.ndarray:
         """The coordinates that are each body's angle or quaternion, by number, (bodies, 1 or 4)."""
