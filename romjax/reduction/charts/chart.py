@@ -64,6 +64,14 @@ class Chart(eqx.Module):
         """The coordinates of an affine chart in the order of q."""
         return jnp.concatenate([s, d])[np.array(self.order)]
 
+    def dependent_of(self, displacement: Float[Array, " n"]) -> Float[Array, " m"]:
+        """The dependent coordinates of a displacement: of W d = q − q̄ − Y s, by least squares."""
+        parts = self.independent, self.dependent, self.read
+        independent, dependent, read = (jnp.asarray(x, displacement.dtype) for x in parts)
+        left = displacement - multiply(independent, multiply(read, displacement))
+        d: Array = jnp.linalg.solve(dependent.T @ dependent, multiply(dependent.T, left))
+        return d
+
     def constraint(
         self, system: AbstractSystem, t: Time, q: Float[Array, " n"]
     ) -> Float[Array, " m"]:
@@ -116,7 +124,7 @@ class Chart(eqx.Module):
         self, system: AbstractSystem, t: Time, offset: Float[Array, " n"], d: Float[Array, " m"]
     ) -> tuple[Float[Array, " m"], Float[Array, "m m"]]:
         """Return d at s = 0 in an affine chart of another system, as it is unless that may hold
-        coordinates elsewhere, and the constant ∂C/∂d.
+        coordinates elsewhere, where the start of that system has them, and the constant ∂C/∂d.
         """
         q = offset
         if self.held:
@@ -166,14 +174,22 @@ def _held_by(
 ) -> tuple[Float[Array, " m"], Float[Array, " n"]]:
     none = jnp.zeros(len(offset) - len(d), offset.dtype)
 
-    def newton(d: Array, _: None) -> tuple[Array, Array]:
-        step, size = chart.step(system, t, offset + chart.ordered(none, d))
-        return d - step, size
+    def closed(d: Array) -> tuple[Array, Array]:
+        def newton(d: Array, _: None) -> tuple[Array, Array]:
+            step, size = chart.step(system, t, offset + chart.ordered(none, d))
+            return d - step, size
 
-    d, sizes = jax.lax.scan(newton, d, None, length=_STEPS)
+        d, sizes = jax.lax.scan(newton, d, None, length=_STEPS)
+        return d, sizes[-1] <= precision.of(d.dtype).newton_accepted
+
+    # A turn by more than a radian is too far for Newton's method, and the start of the other
+    # system has made it; if nobody has moved that along, it begins where the first system is.
+    starts = jnp.stack([chart.dependent_of(system.q0 - offset), d])
+    tried, converged = jax.vmap(closed)(starts)
+    d = jnp.where(converged[0], tried[0], tried[1])
     # Where the other system cannot be closed at s = 0, no coordinates are right.
-    converged = sizes[-1] <= precision.of(d.dtype).newton_accepted
-    return jnp.where(converged, d, jnp.nan), offset + chart.ordered(none, d)
+    d = jnp.where(jnp.any(converged), d, jnp.nan)
+    return d, offset + chart.ordered(none, d)
 
 
 @program_once

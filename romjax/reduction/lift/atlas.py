@@ -60,5 +60,6 @@ class AtlasLift(AbstractLift):
         return self.lift(self.current).restrict(full, q, v)
 
     def with_full(self, full: AbstractSystem) -> "AtlasLift":
-        lifts = jax.vmap(lambda lift: lift.with_full(full))(self.lifts)
+        # The start is in one of the charts, and no straight way leads from it to the others.
+        lifts = jax.vmap(lambda lift: lift.with_full(full, from_start=False))(self.lifts)
         return dataclasses.replace(self, lifts=lifts)

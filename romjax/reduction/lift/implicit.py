@@ -11,18 +11,16 @@ from jaxtyping import Array, Float
 
 from ...common import precision
 from ...common.arrays import Time
-from ...compiling.program import program_once
 from ...linalg.dense import improve_inverse, multiply, solve_by_inverse, solve_by_similar
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ..charts.chart import Chart
+from ..charts.guesses import Guesses, guesses_of
 from .base import AbstractLift, Motion, Physical, Reduced
 
 # Most matrices of Newton's method, and most steps with each, while each of these is shorter by this
 # factor than the one before.
 _MATRICES, _STEPS, _SLOWEST = 7, 16, 0.5
-# Steps of Newton's method, each with its own matrix, for the guesses of another system.
-_FULL_STEPS = 8
 # So many right sides for each unknown are solved by an inverse, fewer by that of a similar matrix.
 _FEW = 8
 
@@ -82,9 +80,14 @@ class ImplicitLift(AbstractLift):
         del full
         return multiply(self.dual, q - self.offset), multiply(self.dual, v)
 
-    def with_full(self, full: AbstractSystem) -> "ImplicitLift":
-        # The chart keeps its own arrays, which no transformation traces.
-        return dataclasses.replace(_of_another(self, full), chart=self.chart)
+    def with_full(self, full: AbstractSystem, from_start: bool = True) -> "ImplicitLift":
+        """The same lift for a system with other numbers, whose bodies may be far from where the
+        snapshots are: they are followed there `from_start`, the other system's own.
+        """
+        known = self.snapshots, self.guesses, self.times
+        guesses = Guesses(self.offset, self.modes, self.dual, *known, self.pace)
+        d, inverses = guesses_of(self.chart, guesses, full, from_start)
+        return dataclasses.replace(self, guesses=d, inverses=inverses)
 
     def _solve(
         self, full: AbstractSystem, t: Time, z: Reduced
@@ -147,36 +150,3 @@ class ImplicitLift(AbstractLift):
 def _solve_linear(linear: Callable[[Array], Array], right: Array) -> Array:
     solution: Array = jnp.linalg.solve(jax.jacobian(linear)(right), right)
     return solution
-
-
-@program_once
-def _of_another(lift: ImplicitLift, full: AbstractSystem) -> ImplicitLift:
-    """The same lift with the d and (C_q W)⁻¹ of another system.
-
-    Other drives put a mechanism somewhere else at the same time, many turns from it after a while.
-    So each d begins where the one before has gone; what is not found stays as it was.
-    """
-    chart, offset = lift.chart, lift.offset
-    dependent = jnp.asarray(chart.dependent, offset.dtype)
-
-    def configuration(z: Array, d: Array) -> Array:
-        return offset + multiply(lift.modes, z) + multiply(dependent, d)
-
-    def follow(lead: Array, snapshot: Any) -> tuple[Array, Array]:
-        own, t, z = snapshot
-
-        def newton(d: Array, _: None) -> tuple[Array, Array]:
-            step, size = chart.step(full, t, configuration(z, d))
-            return d - step, size
-
-        d, steps = jax.lax.scan(newton, own + lead, None, length=_FULL_STEPS)
-        converged = steps[-1] <= precision.of(d.dtype).newton_accepted
-        # Without drives the guesses of the other system are as good as they were.
-        d = jnp.where(converged & (lift.pace > 0), d, own)
-        return d - own, d
-
-    snapshots = lift.guesses, lift.times, lift.snapshots
-    _, guesses = jax.lax.scan(follow, jnp.zeros_like(lift.guesses[0]), snapshots)
-    q = jax.vmap(configuration)(lift.snapshots, guesses)
-    inverses = chart.dependent_inverses(full, lift.times, q)
-    return dataclasses.replace(lift, guesses=guesses, inverses=inverses)
