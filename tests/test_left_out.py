@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 
 import romjax as rj
 from romjax.basis.snapshots import SnapshotSet
+from romjax.events.record import Events
 from romjax.integrate import left_out
 from romjax.integrate.left_out import TrainingError
 from romjax.reduction.formulation.parse import as_formulation
@@ -63,7 +64,7 @@ def test_a_model_of_few_modes_tells_how_much_it_errs(halved):
     assert run.flags & LEFT_OUT
     error = off(motion, run)
     assert error > 1e-3
-    words = f"more than 100 rtol, and 1e-4, on the motions that it was made of ({error:.1e} of"
+    words = f"moves or bends, on the motions that it was made of ({error:.1e} of"
     assert words in run.warnings()
     (measured,) = training_of(rom).errors
     assert_allclose(measured.after(measured.elapsed[-1]), error, rtol=1e-3)
@@ -195,17 +196,70 @@ def test_methods_without_estimates_of_errors_are_measured_by_another(halved):
 
 @pytest.mark.slow
 def test_of_several_motions_the_worst_counts():
-    """Each is repeated by its own system, and those in which something happens are not."""
+    """Each is repeated by its own system, also those in which something is looked for."""
     first, second = (zoo.motion(zoo.five_bar, spring=spring) for spring in (60.0, 90.0))
     stop = rj.Crossing(_height)
     third = zoo.run(first.system, first.t, events=[stop])
     rom = rj.reduce(first.system, rj.pod([first, second, third], rank=6))
     run = zoo.run(rom, first.t, **settings(zoo.five_bar))
     errors = training_of(rom).errors
-    assert len(errors) == 2
     other = rom.with_full(second.system).starting_at(second.q[0], second.v[0])
     own = [off(first, run), off(second, zoo.run(other, second.t, **settings(zoo.five_bar)))]
+    own.append(own[0])
     assert_allclose([one.error[-1] for one in errors], own, rtol=1e-2)
+
+
+def test_what_the_error_of_positions_hides_is_told_of():
+    """A deflection that is small beside the motion, and wrong. A loose tolerance resolves none."""
+    motion, rom = model(zoo.cart_pendulum, "local", 2)
+    q, start = np.asarray(motion.q), np.asarray(motion.q[0])
+    bends = np.array([label.startswith("pendulum.q") for label in motion.labels])
+    small, large = (start + np.where(bends, size, 1.0) * (q - start) for size in (1e-2, 1.3e-2))
+    truth, wrong = (dataclasses.replace(motion, q=x) for x in (small, large))
+    structure = motion.system.full.structure
+    assert left_out._hidden(structure, truth, truth) == ("", 0.0)
+    hidden, missed = left_out._hidden(structure, truth, wrong)
+    assert hidden == "deflection of pendulum is wrong by 30 %"
+    assert missed <= rj.compare(truth, wrong).error
+
+    with_errors(rom, motion, 1e-6)
+    (silent,) = training_of(rom).errors
+
+    def again(rtol=1e-6, **start):
+        return zoo.run(rom, motion.t, solver=zoo.RODAS5P, rtol=rtol, throw=False, **start)
+
+    assert again().is_valid
+    training_of(rom).errors = (silent._replace(hidden=hidden, missed=missed),)
+    run = again()
+    assert run.flags == LEFT_OUT
+    assert f"of the longest way of a body, and {hidden}; take more modes" in run.warnings()
+    assert not again(0.1 * missed).flags & LEFT_OUT
+    assert jax.jit(lambda q: again(q0=q).flags)(rom.q0) == LEFT_OUT
+
+
+def test_motions_are_repeated_until_an_impact_or_a_stop():
+    """What is only looked for changes none."""
+    motion = zoo.motion(zoo.five_bar)
+    t, none = np.asarray(motion.t), np.zeros((3, 12))
+    columns = {"happened": np.ones((3, 1), bool), "impulse": np.zeros((3, 1)), "q": none}
+    struck = none.copy()
+    struck[1, 4] = 1.0
+    times = t[10], t[20] + 0.3 * (t[21] - t[20]), np.inf
+    event = Events(
+        np.array(2),
+        np.array(times),
+        **columns,
+        v_before=none,
+        v_after=struck,
+        lasting=np.array(False),
+    )
+    crossed = dataclasses.replace(event, v_after=none)
+    held = np.minimum(t, t[30])
+    counts = [
+        left_out._undisturbed(dataclasses.replace(motion, events=happened, t=times))
+        for happened, times in ((None, t), (crossed, t), (event, t), (crossed, held))
+    ]
+    assert counts == [len(t), len(t), 21, 31]
 
 
 def _height(system, t, q, v):

@@ -14,7 +14,7 @@ from ..system.flags import Flag
 # Beyond it an estimate says no more than that a run is wrong.
 _USABLE = 0.05
 # A group of coordinates that errs by more is named, where the norm does not say so itself.
-_MUCH = 0.1
+MUCH = 0.1
 # From here on percents are hard to read.
 _TIMES = 2.0
 
@@ -70,7 +70,7 @@ def hidden(error: Any, per_group: Any, groups: Sequence[str]) -> str:
         return lane_by_lane(
             lambda lane: hidden(lane[0], lane[1], groups), (np.asarray(error), errors)
         )
-    if not errors.size or not np.max(errors) > _MUCH or not float(error) <= _MUCH:
+    if not errors.size or not np.max(errors) > MUCH or not float(error) <= MUCH:
         return ""
     largest = float(np.max(errors))
     share = f"{100 * largest:.0f} %" if largest < _TIMES else f"{largest:.0f} times its motion"

@@ -21,6 +21,8 @@ from ..system.flags import Flag
 from ..system.reduced import AbstractReducedSystem
 from ..system.structure import Structure
 from ..system.training import Training, training_of
+from .error_bar import MUCH, hidden
+from .group_errors import RESOLVED, group_errors, groups_with_members, resolution
 from .trajectory import Trajectory
 
 # A model's motion may be off by so many tolerances, relative to its size, and by the second number
@@ -50,6 +52,8 @@ class TrainingError(NamedTuple):
       other coordinates where no body moves. Infinite where the model fails.
     - `rtol`: of the less accurate one of both runs.
     - `numbers`: those of the system that moved; `start`: (t, q, v) of the model's motion.
+    - `hidden`: the group of coordinates that errs most, in words, where the error of all does not
+      show it, as `Comparison.hidden`; `missed`: its error, over the motion of all.
     """
 
     elapsed: Float[np.ndarray, " k"]
@@ -57,6 +61,8 @@ class TrainingError(NamedTuple):
     rtol: float
     numbers: tuple[Any, ...] = ()
     start: tuple[Any, ...] = ()
+    hidden: str = ""
+    missed: float = 0.0
 
     def is_of(self, run: Trajectory, system: AbstractSystem) -> Any:
         """Whether a run of a system is this motion, or a part of it from its start on."""
@@ -87,17 +93,22 @@ def flag_left_out(
 ) -> Trajectory:
     """The run, with `Flag.LEFT_OUT` where it is one of a reduced model that errs by more than a
     hundred tolerances `rtol`, and 1e-4, on the motions that it was made of, in as much time as the
-    run takes; and with `Flag.UNTRIED` where it is none of these motions, and the model, of a kind
-    that may err by more elsewhere, errs by more than a tenth of that on them.
+    run takes, or by a tenth of how one body moves or bends; and with `Flag.UNTRIED` where it is
+    none of these motions, and the model, of a kind that may err by more elsewhere, errs by more
+    than a tenth of that on them.
 
     The model repeats them once, by `simulate` before its first run, also where JAX traces that. It
     is the error of the training and no bound for other motions, of which `romjax.corrected` tells.
+    Of motions with impacts and stops it is that up to the first of these.
     """
     errors = _errors(system, simulate)
     if not errors:
         return run
     # What most models pass is asked of every run, so it is asked in Python's numbers.
-    if all(one.error[-1] <= max(_MARGIN * _LEAST, _STEPS * one.rtol) for one in errors):
+    hides = any(one.hidden for one in errors)
+    if not hides and all(
+        one.error[-1] <= max(_MARGIN * _LEAST, _STEPS * one.rtol) for one in errors
+    ):
         return run
     span: Any = run.t[-1] - run.t[0]
     known, tolerance, flags = concrete(span), concrete(rtol), concrete(run.flags)
@@ -109,12 +120,15 @@ def flag_left_out(
             for limit in (_allowed, _promised)
         )
         told = jnp.where(some & ~tried, int(Flag.UNTRIED), 0)
+        much |= max(one.missed for one in errors) > MUCH * RESOLVED * jnp.asarray(rtol)
         told = jnp.where(much, int(Flag.LEFT_OUT), told)
         return dataclasses.replace(run, flags=run.flags | told)
     much, some = (
         max(one.after(known) / limit(np, tolerance, one.rtol) for one in errors) > 1
         for limit in (_allowed, _promised)
     )
+    # A loose tolerance resolves no small motion of one body.
+    much |= max(one.missed for one in errors) > MUCH * RESOLVED * tolerance
     flag = Flag.LEFT_OUT if much else Flag.UNTRIED if some and not tried else Flag.NONE
     return dataclasses.replace(run, flags=as_jax(flags | int(flag))) if flag else run
 
@@ -162,10 +176,23 @@ def _measure(training: Training, simulate: Simulate) -> None:
 
 
 def _is_known(motion: Any) -> bool:
-    """Whether a motion can be repeated: it is a run of a known system without events."""
+    """Whether a motion can be repeated: it is a run of a known system."""
     if not isinstance(motion, Trajectory) or motion.derived.parts is None:
         return False
-    return motion.events is None and motion.status.ndim == 0 and bool(motion.success)
+    return motion.status.ndim == 0 and bool(motion.success) and _undisturbed(motion) > 1
+
+
+def _undisturbed(motion: Trajectory) -> int:
+    """The number of output times until an impact or a stop first changes a motion."""
+    t, events, first = np.asarray(motion.t), motion.events, np.inf
+    if events is not None:
+        count = int(events.count)
+        before, after = (np.asarray(x)[:count] for x in (events.v_before, events.v_after))
+        first = np.min(
+            np.asarray(events.time)[:count][np.any(before != after, axis=1)], initial=first
+        )
+    # After a stop times stay as they are.
+    return int(np.sum((t <= first) & (np.diff(t, prepend=-np.inf) > 0)))
 
 
 def _beginning_as(
@@ -191,27 +218,54 @@ def _error(rom: AbstractSystem, motion: Trajectory, simulate: Simulate) -> Train
     least = max(_SHARPEST, _DIGITS * float(np.finfo(motion.q.dtype).eps))
     given = _USUAL if motion.stats.rtol is None else float(motion.stats.rtol)
     rtol, times = max(given, least), np.asarray(motion.t)
-    error = np.full(len(times), np.inf)
-    run = simulate(rom, motion.t, rtol=rtol)
+    error, hides, count = np.full(len(times), np.inf), ("", 0.0), _undisturbed(motion)
+    run = simulate(rom, times[:count], rtol=rtol)
     if run.success:
-        error = _history(motion.system.full.structure, np.asarray(motion.q), np.asarray(run.q))
+        structure, q = motion.system.full.structure, np.asarray(motion.q)[:count]
+        history, hides = _history(structure, q, np.asarray(run.q)), _hidden(structure, motion, run)
+        # What comes after an impact nobody has repeated.
+        error = np.pad(history, (0, len(times) - count), mode="edge")
     start = run.t[0], run.q[0], run.v[0]
-    return TrainingError(times - times[0], error, rtol, _numbers(rom), start)
+    return TrainingError(times - times[0], error, rtol, _numbers(rom), start, *hides)
+
+
+def _hidden(structure: Structure, motion: Trajectory, run: Trajectory) -> tuple[str, float]:
+    """Return what the error of a run hides, as `TrainingError` has it."""
+    q, other = _alike(structure, np.asarray(motion.q)[: len(run.q)], np.asarray(run.q))
+    metric, way, apart = np.asarray(motion.metric), q - q[:1], other - q
+    size, error = (np.sqrt(max(np.sum((x @ metric) * x), 0.0)) for x in (way, apart))
+    if not size > 0:
+        return "", 0.0
+    groups, members = groups_with_members(motion.coordinates, q.dtype)
+    weights: Any = np.diagonal(metric)
+    errors = group_errors(apart, way, weights, members, resolution(motion, run), size)
+    words = hidden(error / size, errors, groups)
+    if not words:
+        return "", 0.0
+    missed = group_errors(apart, way, weights, members, np.asarray(1.0), size)
+    return words, float(missed[np.argmax(errors)])
 
 
 def _history(structure: Structure, q: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return the largest difference so far over the longest way so far, at each time."""
-    if structure.quaternions:
-        q, other = (_of_unit_length(x, structure.quaternions) for x in (q, other))
-        table = quaternion_columns(structure.quaternions)
-        opposed = np.sum(q[:, table] * other[:, table], axis=2, keepdims=True) < 0
-        other[:, table] *= np.where(opposed, -1.0, 1.0)
+    q, other = _alike(structure, q, other)
     ways, apart = np.abs(q - q[:1]), np.abs(other - q)
     moves = np.max(ways, axis=0) > _REST * (1 + np.max(np.abs(q), axis=0))
     places = np.ravel(structure.positions)
     columns = places if np.any(moves[places]) else np.arange(q.shape[1])
     way, off = (np.maximum.accumulate(np.max(x[:, columns], axis=1)) for x in (ways, apart))
     return np.where(way > 0, off / np.where(way > 0, way, 1), 0)
+
+
+def _alike(structure: Structure, q: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return both motions with quaternions of unit length, and of the signs of the first."""
+    if not structure.quaternions:
+        return q, other
+    q, other = (_of_unit_length(x, structure.quaternions) for x in (q, other))
+    table = quaternion_columns(structure.quaternions)
+    opposed = np.sum(q[:, table] * other[:, table], axis=2, keepdims=True) < 0
+    other[:, table] *= np.where(opposed, -1.0, 1.0)
+    return q, other
 
 
 def _of_unit_length(q: np.ndarray, starts: tuple[int, ...]) -> np.ndarray:

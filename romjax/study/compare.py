@@ -1,7 +1,6 @@
 """How far an approximate motion is from the true one."""
 
 import dataclasses
-import functools
 import weakref
 from collections.abc import Sequence
 from typing import Any
@@ -11,17 +10,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Real
 
-from ..common.arrays import as_number, concrete
+from ..common.arrays import concrete
 from ..common.checks import check_kind, check_one_run, check_order
-from ..common.compat import is_traced
 from ..common.extras import data_frame
 from ..common.identity_cache import IdentityCache
 from ..common.pictures import inline, picture_of
 from ..compiling.program import program
 from ..integrate.error_bar import hidden
+from ..integrate.group_errors import (
+    group_errors,
+    groups_with_members,
+    resolution,
+    rounding,
+    square_root,
+)
 from ..integrate.trajectory import Trajectory
 from ..linalg.quaternions import columns as quaternion_columns
-from ..scene.coordinate import Coordinate, groups_of
 
 
 class Comparison(eqx.Module):
@@ -84,8 +88,6 @@ class Comparison(eqx.Module):
 
 # Coordinates about zero round as the deflections, of some centimetres, that balance the forces.
 _BALANCED = 0.01
-# A group of coordinates that moves by fewer tolerances than these has no motion to be relative to.
-_RESOLVED = 100.0
 # Motions that nobody else needs any more are not kept alive by it.
 _motions = IdentityCache()
 
@@ -159,27 +161,8 @@ def _compare(
         moving=moving,
         drift=jnp.max(violation),
         steps=steps,
-        per_group=_of_groups(difference, motion, metric, members, resolved, size),
+        per_group=group_errors(difference, motion, jnp.diagonal(metric), members, resolved, size),
     )
-
-
-@functools.lru_cache(maxsize=64)
-def groups_with_members(
-    coordinates: tuple[Coordinate, ...], dtype: Any
-) -> tuple[tuple[str, ...], Float[np.ndarray, "n g"]]:
-    """The groups of coordinates by name, and one for each coordinate that is in a group."""
-    groups, numbers = groups_of(coordinates)
-    members = np.asarray(numbers)[:, None] == np.arange(len(groups))[None]
-    return groups, members.astype(dtype)
-
-
-def resolution(*runs: Trajectory) -> Float[Array | np.ndarray, ""]:
-    """The motion, relative to that of all coordinates, which the tolerances of runs resolve."""
-    given = [run.stats.rtol for run in runs if run.stats.rtol is not None]
-    # NumPy is used unless JAX traces, since an operation of its own would be compiled.
-    xp: Any = jnp if any(is_traced(rtol) for rtol in given) else np
-    largest = functools.reduce(xp.maximum, given, 0.0)
-    return as_number(_RESOLVED * largest, runs[0].q.dtype)
 
 
 def errors_between(
@@ -196,18 +179,14 @@ def errors_between(
     difference, motion = apart(q, approx, quaternions), apart(q, q[:1], quaternions)
     moving = _moving(q, _single(motion, quaternions))
     error, size = _relative(q, difference, motion, metric, moving)
-    return error, _of_groups(difference, motion, metric, members, resolved, size)
+    weights = jnp.diagonal(metric)
+    return error, group_errors(difference, motion, weights, members, resolved, size)
 
 
 def _moving(q: Float[Array, "k n"], moved: Float[Array, "k n"]) -> Bool[Array, " n"]:
     """Mark the coordinates that move, by more than rounding of one of order one."""
     scale = jnp.maximum(1.0, jnp.max(jnp.abs(q), axis=0))
-    return jnp.max(jnp.abs(moved), axis=0) > _rounding(q) * scale
-
-
-def _rounding(q: Float[Array, "k n"]) -> float:
-    """Return the motion that rounding makes of a coordinate at rest, relative to its size."""
-    return 100 * float(jnp.finfo(q.dtype).eps)
+    return jnp.max(jnp.abs(moved), axis=0) > rounding(q.dtype) * scale
 
 
 def _relative(
@@ -226,26 +205,9 @@ def _relative(
     size = _norm(motion @ root)
     # In single precision small motions are less than rounding of order one, but not of their own.
     own = jnp.maximum(_BALANCED, jnp.abs(q)) * jnp.sqrt(jnp.diagonal(metric))[None]
-    moves = jnp.any(moving) | (size > _rounding(q) * _norm(own))
+    moves = jnp.any(moving) | (size > rounding(q.dtype) * _norm(own))
     moves &= size > 0
     return _norm(difference @ root) / jnp.where(moves, size, 1), jnp.where(moves, size, 0)
-
-
-def _of_groups(
-    difference: Float[Array, "k n"],
-    motion: Float[Array, "k n"],
-    metric: Float[Array, "n n"],
-    members: Float[Array | np.ndarray, "n g"],
-    resolved: Float[Array | np.ndarray, ""],
-    size: Float[Array, ""],
-) -> Float[Array, " g"]:
-    """The errors of groups of coordinates, relative to their own motions where these are resolved;
-    absolute where nothing moves.
-    """
-    weights = jnp.diagonal(metric)[:, None] * members
-    apart, moved = (_root(jnp.sum(x**2, axis=0) @ weights) for x in (difference, motion))
-    least = jnp.maximum(resolved, _rounding(difference)) * size
-    return apart / jnp.where(size > 0, jnp.maximum(moved, least), 1)
 
 
 def apart(
@@ -279,9 +241,4 @@ def _single(difference: Float[Array, "k n"], quaternions: Sequence[int]) -> Floa
 
 def _norm(x: Float[Array, "..."], axis: int | None = None, keepdims: bool = False) -> Array:
     """Euclidean norm whose gradient is zero, not NaN, where x vanishes; NaN where x is."""
-    return _root(jnp.sum(x**2, axis=axis, keepdims=keepdims))
-
-
-def _root(squared: Float[Array, "..."]) -> Array:
-    nothing = squared == 0
-    return jnp.where(nothing, 0, jnp.sqrt(jnp.where(nothing, 1, squared)))
+    return square_root(jnp.sum(x**2, axis=axis, keepdims=keepdims))

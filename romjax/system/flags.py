@@ -34,8 +34,8 @@ WORDS = {
     Flag.LIMIT: "an effect passes the end of what it is right for, as a bushing after half a turn",
     Flag.WEIGHTS: "its sampled bodies, whose weights are for other masses, have another energy",
     Flag.CAPPED: "modes above the cap vibrate, which they do at the cap and not as they should",
-    Flag.LEFT_OUT: "its model errs by more than 100 rtol, and 1e-4, on the motions that it was "
-    "made of",
+    Flag.LEFT_OUT: "its model errs by more than 100 rtol, and 1e-4, or by a tenth of how one body "
+    "moves or bends, on the motions that it was made of",
     Flag.UNTRIED: "it is none of the motions that its model was made of, which errs by more on "
     "these than 30 rtol, and 1e-5; romjax.corrected tells its error",
     Flag.ESTIMATE: "the reduced run that it corrects is wrong by more than 5 %: not to be used",

@@ -79,6 +79,8 @@ def describe_errors(training: Training | None, span: float) -> str:
         return "more modes help"
     error = max(one.after(np.asarray(span)) for one in training.errors)
     much = f"{error:.1e} of the longest way of a body" if np.isfinite(error) else "it fails there"
+    hidden = next((one.hidden for one in training.errors if one.hidden), "")
+    much += f", and {hidden}" if hidden else ""
     return f"{much}; take more modes, as romjax.reduce_to finds them for a tolerance"
 
 

@@ -13,12 +13,13 @@ from ...common.compat import is_outermost
 from ...compiling.program import program
 from ...integrate.default import start_frequencies
 from ...integrate.error_bar import ErrorBar
+from ...integrate.group_errors import groups_with_members, resolution
 from ...integrate.rodas5p import Rodas5P
 from ...integrate.simulate import simulate
 from ...integrate.status import Status
 from ...integrate.trajectory import Trajectory
 from ...system.base import AbstractSystem
-from ..compare import errors_between, groups_with_members, resolution
+from ..compare import errors_between
 
 # The tolerance of a richer run beside one in fixed steps, and of a first one beside others: the
 # error of most models is far larger, and steps are half as many as at 1e-8.
