@@ -10,6 +10,8 @@ import scipy.integrate
 import scipy.linalg
 import scipy.optimize
 import zoo
+from comparison import assert_close
+from tolerances import IDENTITY
 from zoo import run
 
 import romjax as rj
@@ -263,19 +265,24 @@ def test_the_last_configuration_of_a_run_holds_the_states():
     balance = np.asarray(rj.equilibrium(system, last))
     assert np.allclose(balance[[0, 3, 4]], [steady, part, STIFFNESS * steady], atol=1e-9)
     model = rj.linearize(system, {}, [], at=last)
-    wanted = np.linalg.eigvals(linear(LAG, gains)[:4, :4])
+    assert model.states == ("z1", "z1'", "pid.force")
+    wanted = np.linalg.eigvals(linear(LAG, gains)[np.ix_([0, 1, 3], [0, 1, 3])])
     found = np.linalg.eigvals(np.asarray(model.A))
     assert np.allclose(np.sort_complex(found), np.sort_complex(wanted), atol=1e-7)
 
 
-def balanced(integrals, begun):
-    """The equilibrium of the mass on its spring with two controllers, without damping."""
+def twice_controlled(integrals, begun) -> rj.AbstractSystem:
+    """The mass on its spring with two controllers, without damping."""
     pids = [
         rj.PID(RAIL, GROUND, rj.Constant(TARGET), 100.0, gain, motion="travel", start=z, name=name)
         for gain, z, name in zip(integrals, begun, ("one", "two"), strict=True)
     ]
     spring = rj.Spring(RAIL, rj.ground.at((-1.0, 0.0)), STIFFNESS, rest_length=1.0)
-    return rj.equilibrium(rj.assemble(cart(*pids, spring)))
+    return rj.assemble(cart(*pids, spring))
+
+
+def balanced(integrals, begun):
+    return rj.equilibrium(twice_controlled(integrals, begun))
 
 
 def test_states_that_nothing_changes_stay_in_an_equilibrium():
@@ -292,6 +299,65 @@ def test_states_that_nothing_changes_stay_in_an_equilibrium():
         assert np.allclose(q[-2:], begun + left * shares, rtol=0, atol=EXACT)
         slope = jax.grad(lambda z, integrals=integrals: balanced(integrals, z)[0])(begun)
         assert np.allclose(slope, 0.0 if any(integrals) else 1 / (200 + STIFFNESS), atol=EXACT)
+
+
+PUSH = {"push": rj.Force(RAIL, (1.0, 0.0), rj.Constant(1.0))}
+
+
+def regulated(model) -> np.ndarray:
+    """The poles of a linear model with its quadratic regulator, of unit weights."""
+    a, b = np.asarray(model.A), np.asarray(model.B)
+    cost = scipy.linalg.solve_continuous_are(a, b, np.eye(len(a)), np.eye(b.shape[1]))
+    return np.linalg.eigvals(a - b @ b.T @ cost)
+
+
+def test_states_that_only_follow_others_are_no_states_of_a_linear_model():
+    """Each would be a zero of A that no input moves, for which no regulator exists."""
+    first = ("z1", "z1'")
+    for integrals, own in (
+        ((0.0, 0.0), ()),
+        ((400.0, 0.0), ("one.integral",)),
+        ((400.0, 100.0), ("one.integral",)),
+    ):
+        model = rj.linearize(
+            twice_controlled(integrals, (0.0, 0.0)), PUSH, ["cart.x", "two.integral"]
+        )
+        assert model.states == first + own
+        share = integrals[1] / max(integrals[0], 1.0)  # of the second sum in the first
+        wanted = np.array([[0, 1, 0], [-250 / MASS, 0, (1 + share) / MASS], [-integrals[0], 0, 0]])
+        wanted = wanted[: len(model.A), : len(model.A)]
+        known = np.linalg.eigvals(wanted)
+        assert_close(np.poly(np.asarray(model.A)), np.poly(known), IDENTITY, scale=1e6)
+        assert_close(np.asarray(model.C)[1], [0.0, 0.0] + [share] * len(own), IDENTITY)
+        assert np.all(regulated(model).real < 0)
+
+
+def locked():
+    """A mass that oil holds on both sides of a piston whose valve is shut, without leakage."""
+    mass = rj.RigidBody("mass", 500.0, 1.0, position=(0.6, 0.0))
+    jack = rj.HydraulicCylinder(
+        mass.at(), GROUND, rj.Constant(0.0), name="jack", **{**CYLINDER, "leakage": 0.0}
+    )
+    return rj.assemble(rj.Scene([mass], [rj.Prismatic(mass.at(), GROUND)], [jack])), mass
+
+
+def test_oil_that_is_shut_in_is_a_spring_of_a_linear_model():
+    """Of the stiffness β (A²/V_a + B²/V_b), with the pressures as outputs."""
+    system, mass = locked()
+    force = {"force": rj.Force(mass.at(), (1.0, 0.0), rj.Constant(1.0))}
+    model = rj.linearize(system, force, ["mass.x", "jack.pressure_a", "jack.pressure_b"])
+    assert model.states == ("z1", "z1'")
+    sides = np.array([CYLINDER["area"], -CYLINDER["rod_area"]])
+    volumes = CYLINDER["dead_volume"] + np.abs(sides) * [0.2, 0.3]
+    stiffness = 1.6e9 * np.sum(sides**2 / volumes)
+    wanted = [1.0, CYLINDER["damping"] / 500.0, stiffness / 500.0]
+    assert_close(np.poly(np.asarray(model.A)), wanted, IDENTITY, scale=wanted[-1])
+    place, *pressures = np.asarray(model.C)[:, 0]
+    assert_close(np.array(pressures) / place, -1.6e9 * sides / volumes, IDENTITY, scale=1e12)
+    assert np.all(regulated(model).real < 0)
+    # Which states follow others is unknown to a program for all numbers.
+    traced = jax.eval_shape(lambda: rj.linearize(system, force, ["mass.x"]).A)
+    assert traced.shape == (4, 4)
 
 
 class Lagging(rj.AbstractStateEffect):

@@ -13,7 +13,7 @@ from ..assembly.counting import counters_at_zero
 from ..assembly.linear_bodies import warn_of_linear_bodies
 from ..assembly.locate import locate
 from ..assembly.standing import standing
-from ..common.arrays import Vector, as_array
+from ..common.arrays import Vector, as_array, concrete
 from ..common.checks import as_time, check_finite, check_kind, check_shape
 from ..common.errors import InputError
 from ..compiling.program import program_once
@@ -29,6 +29,8 @@ from .tangent import refuse_clocks, refuse_slips, tangent_of
 Input = AbstractMarkerEffect | Callable[..., Array]
 # What is measured: a label of a coordinate, a quantity, or a function of (t, q, v).
 Output = str | AbstractQuantity | Callable[..., Array]
+# The share of a rate that sums of others leave by rounding.
+_SUM = 1e-8
 
 
 class LinearModel(eqx.Module):
@@ -36,8 +38,8 @@ class LinearModel(eqx.Module):
 
     - `A` (s, s), `B` (s, inputs), `C` (outputs, s), `D` (outputs, inputs).
     - `states`, `inputs`, `outputs`: their names. States are coordinates ζ of the tangent space and
-      their rates, then the first-order states of effects, such as "pid.integral"; `shapes` (n, d):
-      what each ζ is in the system's coordinates.
+      their rates, then the first-order states of effects, such as "pid.integral", but for those
+      that only follow others; `shapes` (n, d): what each ζ is in the system's coordinates.
     """
 
     A: Float[Array, "s s"]
@@ -82,10 +84,17 @@ def linearize(
       angle that counts full turns in space, no turn is counted.
     - `outputs`: labels of physical coordinates, "cart.x", and of their rates, "cart.x'"; or by
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
-      coordinates that return a number.
+      coordinates that return a number. None of these knows the inputs, so that D is zero: an
+      acceleration has the rows C A and C B of its rate, "cart.x'".
     - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
       `equilibrium(system)`. Unless `v` is given, such as `v=system.v0` at the start, drives stand
       where they are at time `t` [s].
+
+    A state of an effect whose rate is a sum of other rates would be an uncontrollable zero of A,
+    for which no regulator exists. It is left out and follows the others as it does from the state
+    on: the integral part of a controller without integral gain does not change, and pressures
+    behind a shut valve are a spring. While JAX traces, it is unknown which these are, and all are
+    states.
 
     Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, for a
     state that the joints contradict, for an input whose signal changes with time, and for
@@ -116,7 +125,46 @@ def linearize(
     known = [system.structure.coordinates[i] for i in system.structure.states]
     own = [f"{each.owner}.{each.name.removeprefix(INTEGRAL)}" for each in known]
     states = (*names, *(f"{name}'" for name in names), *own)
+    rates, pushed = concrete(a), concrete(b)
+    if own and rates is not None and pushed is not None:
+        kept, follow = _independent_states(rates, pushed, len(own))
+        if len(kept) < len(states):
+            a, b, c = jnp.asarray(rates[kept] @ follow), jnp.asarray(pushed[kept]), c @ follow
+            states = tuple(states[i] for i in kept)
     return LinearModel(a, b, c, d, shapes, states, tuple(inputs), tuple(named))
+
+
+def _independent_states(a: np.ndarray, b: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers r of the states (k,) without those that only follow others, which may be among
+    the last `count`, the states of effects, and T (s, k) of how all follow them, x = T x_r.
+
+    As ζ̇ = η, a rate ṡ = Σ c ṡ_k + w η is a change s = Σ c s_k + w ζ.
+    """
+    first = len(a) - count
+    own, half = a[first:], first // 2
+    by_speed = own[:, half:first]
+    rates = np.concatenate([own[:, :half], own[:, first:], b[first:]], axis=1)
+    # Of one size in each column and row, since a pressure and an angle differ by any factor.
+    scaled = rates / _sizes(rates, 0)
+    lengths = _sizes(scaled, 1)
+    scaled = scaled / lengths
+    chosen, follow = list[int](), np.eye(len(a), dtype=a.dtype)
+    for i in range(count):
+        weights = np.linalg.lstsq(scaled[chosen].T, scaled[i], rcond=None)[0]
+        if np.max(np.abs(scaled[i] - weights @ scaled[chosen])) > _SUM:
+            chosen.append(i)
+            continue
+        sums = lengths[i] * weights / lengths[chosen, 0]
+        follow[first + i] = 0.0
+        follow[first + i, first + np.array(chosen, int)] = sums
+        follow[first + i, :half] = by_speed[i] - sums @ by_speed[chosen]
+    kept = np.r_[:first, first + np.array(chosen, int)]
+    return kept, follow[:, kept]
+
+
+def _sizes(x: np.ndarray, axis: int) -> np.ndarray:
+    largest = np.max(np.abs(x), axis=axis, keepdims=True, initial=0.0)
+    return np.where(largest > 0, largest, 1.0)
 
 
 @program_once
