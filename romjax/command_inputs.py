@@ -4,6 +4,7 @@ import runpy
 import tempfile
 from pathlib import Path
 
+from .common import writing
 from .common.errors import SceneError
 from .files.scene_file import SUFFIXES, SceneFile, scene_file
 from .files.settings import solver_of
@@ -47,11 +48,14 @@ def _of_file(file: SceneFile) -> Example:
 
 
 def writable(folder: Path) -> Path:
-    """The folder, made if need be; raises OSError with a remedy before any work is done."""
+    """The folder, made if need be, without what commands that were killed have left of their files;
+    raises OSError with a remedy before any work is done.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        writing.forget_parts(folder)
     except OSError as error:
         raise OSError(
             f"Cannot write to the folder {folder}: {error.strerror}; choose another with --out."

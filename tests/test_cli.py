@@ -16,10 +16,12 @@ import jax
 import numpy as np
 import pytest
 from PIL import Image
+from processes import START
 
 import romjax
 from romjax import cli
 from romjax.cli import main
+from romjax.command_inputs import writable
 from romjax.common.beside import beside
 from romjax.gallery import EXAMPLES
 
@@ -68,6 +70,19 @@ def test_version(capsys):
 def test_unknown_scene_names_the_nearest(capsys):
     assert main(["run", "cart-pendulem"]) == 2
     assert "did you mean 'cart-pendulum'?" in capsys.readouterr().err
+
+
+@pytest.mark.instant
+def test_parts_of_files_that_killed_commands_left_are_deleted(tmp_path):
+    """Those of days before, since others may be written to right now; nothing of the user's."""
+    names = [".romjax-0a1b.part.gif", ".romjax-2c3d.part.html", ".romjax-notes", "part.gif"]
+    for number, name in enumerate(names):
+        file = tmp_path / name
+        file.touch()
+        if number != 1:
+            os.utime(file, (0, 0))
+    assert writable(tmp_path) == tmp_path
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(names[1:])
 
 
 @pytest.mark.instant
@@ -225,6 +240,26 @@ def test_work_on_another_core():
         for wait in (result, lambda: begin_there(os.getpid)):
             with pytest.raises(ChildProcessError, match="if memory is short"):
                 wait()
+
+
+ORPHANED = """
+import math, time
+from romjax.common.beside import beside
+
+with beside() as begin:
+    print(begin(math.hypot, 3.0, 4.0)(), flush=True)
+    begin(time.sleep, 1000.0)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.slow
+def test_work_on_another_core_ends_with_a_process_that_is_killed():
+    """It would keep the output of a command open, and write to its folder later."""
+    command = [sys.executable, "-c", START + ORPHANED]
+    # Reads up to the end, which comes when no process can write any more.
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert (done.returncode, done.stdout) == (-signal.SIGKILL, "5.0\n")
 
 
 @pytest.mark.instant

@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import multiprocessing
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -34,9 +35,9 @@ def later(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callab
 def beside() -> Iterator[Begin]:
     """Work in another process, one function after the other; yields what begins them.
 
-    Ctrl-C is for this process alone; where the context is left, the other one ends. With another
-    device than the CPU functions are called here, when they are waited for, since each process of
-    JAX takes most of the memory of a GPU.
+    Ctrl-C is for this process alone; where the context is left, the other one ends, as it does
+    where this one is killed. With another device than the CPU functions are called here, when they
+    are waited for, since each process of JAX takes most of the memory of a GPU.
 
     What waits raises ChildProcessError where the other process was ended, and else what the
     function does.
@@ -45,7 +46,8 @@ def beside() -> Iterator[Begin]:
         yield later
         return
     others, begun = {*multiprocessing.active_children()}, list[Future[Any]]()
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent) as pool:
 
         def begin(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Callable[[], T]:
             with _ignoring_interrupts(), _told():
@@ -65,6 +67,20 @@ def beside() -> Iterator[Begin]:
             if not all(one.done() for one in begun):
                 for process in {*multiprocessing.active_children()} - others:
                     process.terminate()
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that began it is no more, however that has ended: by
+    itself it would wait for work for ever, with the output of the other open.
+    """
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextlib.contextmanager
