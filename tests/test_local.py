@@ -298,7 +298,9 @@ def test_what_was_never_trained_is_predicted():
         q, v = turned_about_the_origin(system, spin, tilt)
         other = rj.simulate(system, TS, q0=q, v0=v, rtol=TIGHT, audit=False)
         run = rj.simulate(rom.starting_at(q, v), TS, **settings)
-        assert run.is_valid, run.warnings()
+        # The last beam hardly bends beside how far all move, and by one mode a quarter wrong.
+        assert run.flags == rj.Flag.LEFT_OUT, run.warnings()
+        assert "and deflection of beam7 is wrong by" in run.warnings()
         errors.append(rj.compare(other, run).error)
     assert errors[0] <= TRAINED, f"{errors[0]:.1e}"
     assert max(errors) <= PREDICTED * errors[0], f"{[f'{x:.1e}' for x in errors]}"
