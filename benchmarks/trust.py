@@ -23,6 +23,7 @@ import record
 from tqdm import tqdm
 from trust_kinds import (
     bent,
+    combined,
     contacts,
     driven,
     events,
@@ -64,7 +65,7 @@ VERDICTS = ("right", "told", "false", "apart", "silent")
 SHOWN = 60  # cases that are listed
 FAMILIES = (
     *(planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced),
-    *(sizes, rods, states, rolling, joints, stops, tumbling),
+    *(sizes, rods, states, rolling, joints, stops, tumbling, combined),
 )
 KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 

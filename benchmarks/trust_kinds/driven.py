@@ -50,11 +50,11 @@ def signal(p: Numbers) -> rj.AbstractSignal:
 
 
 class Given:
-    """A mechanism without freedom: its places (p, t, s) at the angle that drives it."""
+    """A mechanism without freedom: its places (p, t, s) at the `angle` (p, t) that drives it."""
 
-    def __init__(self, positions: Any):
+    def __init__(self, positions: Any, angle: Any = driven_angle):
         def at(p: Numbers, t: Any) -> Any:
-            return positions(p, t, driven_angle(p, t)[None])
+            return positions(p, t, angle(p, t)[None])
 
         self._start = jax.jit(lambda p: jax.jvp(lambda t: at(p, t), (0.0,), (1.0,)))
         self._seen = jax.jit(lambda p, ts: jax.vmap(lambda t: at(p, t)[:, :2])(ts))

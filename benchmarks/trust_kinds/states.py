@@ -29,26 +29,35 @@ from .planar import (
 
 class Beside(Minimal):
     """With `states` (p, t, s, ṡ, z) → (forces on the first coordinates, rates of z): each state is
-    the rate of a coordinate that nothing depends on, the last of s.
+    the rate of a coordinate that nothing depends on, the last of s. `kinetic` and `potential` are
+    those of the mechanism, as in `Minimal`.
     """
 
-    def __init__(self, places: Callable[..., Any], count: int, states: Callable[..., Any]):
+    def __init__(
+        self,
+        places: Callable[..., Any],
+        count: int,
+        states: Callable[..., Any],
+        kinetic: Callable[..., Any] = planar_energy,
+        potential: Callable[..., Any] = weight,
+    ):
         def split(x: Any) -> tuple[Any, Any]:
             return x[:-count], x[-count:]
 
         def rows(p: Numbers, t: Any, s: Any) -> Any:
             own, others = split(s)
-            beside = jnp.stack([0.0 * others, 0.0 * others, others], axis=1)
-            return jnp.concatenate([places(p, t, own), beside])
+            x = places(p, t, own)
+            beside = jnp.zeros((count, x.shape[1])).at[:, 2].set(others)
+            return jnp.concatenate([x, beside])
 
-        def kinetic(p: Numbers, x: Any, rate: Any) -> Any:
+        def energy(p: Numbers, x: Any, rate: Any) -> Any:
             own, others = split(rate)
-            return planar_energy(p, split(x)[0], own) + 0.5 * jnp.sum(others[:, 2] ** 2)
+            return kinetic(p, split(x)[0], own) + 0.5 * jnp.sum(others[:, 2] ** 2)
 
         def force(p: Numbers, t: Any, s: Any, rate: Any) -> Any:
             return jnp.concatenate(states(p, t, split(s)[0], *split(rate)))
 
-        super().__init__(rows, kinetic, lambda p, t, s, x: weight(p, t, s, split(x)[0]), force)
+        super().__init__(rows, energy, lambda p, t, s, x: potential(p, t, s, split(x)[0]), force)
         self._count = count
 
     def start(self, p: Numbers) -> Numbers:
