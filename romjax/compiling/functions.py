@@ -13,7 +13,7 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr, Literal
 
 from ..common import compat
-from . import jaxprs
+from . import jaxprs, lanes
 
 # The length of a function, in equations: LLVM's passes need more than linear time for a long one,
 # which only many runs are worth, and a short one saves nothing.
@@ -48,7 +48,8 @@ def merge(flat: Callable[..., Any], *arrays: Any) -> Any:
 def _changed(change: Callable[[Any], Any], flat: Callable[..., Any], arrays: Any) -> Any:
     """The results of `flat`, after a change of its merged jaxpr."""
     closed, shapes = jax.make_jaxpr(flat, return_shape=True)(*arrays)
-    closed = change(jaxprs.merged(compat.of_plain_operations(closed)))
+    merged = jaxprs.merged(compat.of_plain_operations(closed))
+    closed = change(lanes.held_last(merged))
     forms, tree = jax.tree.flatten(shapes)
     results = jaxprs.evaluate(closed, arrays)
     # Functions take arrays, and forget that a number of Python has the type of what it meets.

@@ -24,7 +24,7 @@ _NAMES = (
     "cond convert_element_type copy cos cosh cummax cummin cumprod cumsum custom_jvp_call "
     "custom_linear_solve custom_vjp_call div dot_general dynamic_slice dynamic_update_slice eq "
     "erf erf_inv erfc exp exp2 expm1 floor gather ge gt integer_pow iota is_finite jit le log "
-    "log1p logistic lt max maybe_set min mul name ne neg nextafter nonbatchable "
+    "lanes log1p logistic lt max maybe_set min mul name ne neg nextafter nonbatchable "
     "nondifferentiable nondifferentiable_backward not optimization_barrier or pad pjit "
     "polynomial population_count pow reduce_and reduce_max reduce_min reduce_or reduce_prod "
     "reduce_sum rem remat reshape rev round rsqrt scan scatter scatter-add select_if_vmap "
@@ -37,6 +37,10 @@ _WRITTEN_OUT = frozenset(_NAMES.split())
 # Loops, branches and calls, in which there is something to change.
 LOOPS = frozenset(("while", "scan"))
 _WITH_INNER = LOOPS | {"cond", "jit", "pjit", "custom_jvp_call", "custom_vjp_call"}
+# Operations of equinox's loops, which are written by those of JAX when they are compiled.
+_OF_EQUINOX = frozenset(
+    ("maybe_set", "nonbatchable", "select_if_vmap", "unvmap_all", "unvmap_any", "vprim")
+)
 # What changes a part of an array, or fills one.
 _CHANGES = frozenset(("dynamic_update_slice", "scatter", "scatter-add"))
 _IN_PLACE = _CHANGES | {"broadcast_in_dim"}
@@ -249,6 +253,15 @@ def _with_named(equation: Any, change: Callable[[Any, str], Any]) -> Any:
 
     params = {name: inside(value, name) for name, value in equation.params.items()}
     return equation.replace(params=params)
+
+
+def plain(equation: Any) -> Any:
+    """What one of equinox's operations stands for, as a closed jaxpr; None of other operations."""
+    if equation.primitive.name not in _OF_EQUINOX:
+        return None
+    impl = functools.partial(equation.primitive.impl, **equation.params)
+    given = [jax.ShapeDtypeStruct(x.aval.shape, x.aval.dtype) for x in equation.invars]
+    return jax.make_jaxpr(impl)(*given)
 
 
 def variables(given: Iterable[Any]) -> dict[Any, None]:

@@ -200,9 +200,11 @@ def jit(function: Callable[..., Any] | None = None, /, **settings: Any) -> Any:
     calls become functions, where JAX starts a kernel for each operation, so that one run and its
     derivative take less time than in `jax.jit` (`benchmarks/gradients.txt`), and
     `rj.jit(jax.vmap(run))` makes more runs per second than `jax.jit(jax.vmap(run))`; how many more
-    depends on the version of JAX (`benchmarks/batches.txt`). What works on complex numbers, keys of
-    random numbers or large arrays stays as it is, and so do all programs where there are several
-    devices, or JAX 0.11 or later. A simulation outside of a function of your own needs none of it.
+    depends on the version of JAX (`benchmarks/batches.txt`). Batches of runs by explicit methods
+    have their lanes last in memory, so that a processor computes several at once. What works on
+    complex numbers, keys of random numbers or large arrays stays as it is, and so do all programs
+    where there are several devices, or JAX 0.11 or later. A simulation outside of a function of
+    your own needs none of it.
 
     Only the outermost program of a call has options: put this around `vmap`, `grad` and `jacfwd`,
     not within. Inside of another program or transformation, on other devices than a CPU, and where
