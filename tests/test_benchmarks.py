@@ -70,6 +70,15 @@ def test_a_comparison_by_itself_writes_the_summary(scripts):
     assert (scripts / "said").read_text() == "--summary"
 
 
+@pytest.mark.slow
+def test_comparisons_can_be_imported(command, tmp_path):
+    code = "import runpy, sys\nfor path in sys.argv[1:]:\n    runpy.run_path(path)"
+    files = [FOLDER / f"{name}.py" for name in command.COMPARISONS]
+    run = [sys.executable, "-W", "error", "-c", code, *files]
+    path = os.environ | {"PYTHONPATH": os.pathsep.join([str(FOLDER), str(FOLDER.parent)])}
+    subprocess.run(run, cwd=tmp_path, env=path, check=True)
+
+
 def ran(command, scripts, names, floors, *arguments) -> tuple[int, str]:
     """Exit status and summary."""
     status = command.main([*arguments], scripts, names, floors)

@@ -225,6 +225,15 @@ def test_equations_of_programs():
     assert max(map(jaxprs.product_terms, equations)) == 9
 
 
+def test_operations_that_call_functions_are_bound_as_jaxprs_have_them():
+    mesh = jax.sharding.Mesh(np.array(jax.devices()[:1]), ("devices",))
+    over = jax.sharding.PartitionSpec("devices")
+    mapped = jax.shard_map(jnp.cos, mesh=mesh, in_specs=over, out_specs=over)
+    (equation,) = jax.make_jaxpr(mapped)(np.arange(3.0)).eqns
+    (result,) = compat.bind(equation.primitive, [np.ones(3)], equation.params)
+    np.testing.assert_allclose(result, np.cos(np.ones(3)))
+
+
 def test_equal_quantities_are_computed_once():
     """In loops too; what is called twice stays one jaxpr, and what differs stays apart."""
     call = jax.jit(lambda x: jnp.cos(x) * jnp.cos(x))

@@ -138,6 +138,19 @@ def test_functions_with_derivatives_of_their_own_beside_a_batch():
     assert_close(found, 1.5 * A.sum((1, 2)), IDENTITY)
 
 
+def test_functions_that_are_mapped_over_devices_beside_a_batch():
+    mesh = jax.sharding.Mesh(np.array(jax.devices()[:1]), ("devices",))
+    over = jax.sharding.PartitionSpec("devices")
+    mapped = jax.shard_map(jnp.cos, mesh=mesh, in_specs=over, out_specs=over)
+
+    def beside(a, x):
+        return jax.vmap(lambda x: marked(x).sum())(a).sum() + mapped(x)
+
+    closed = lanes.held_last(jaxprs.merged(jax.make_jaxpr(beside)(A, A[0, 0])))
+    (found,) = jaxprs.evaluate(closed, [A, A[0, 0]])
+    assert_close(found, A.sum() + np.cos(A[0, 0]), IDENTITY)
+
+
 @pytest.mark.parametrize("width", [3, 4])
 def test_loops_whose_condition_is_that_of_another_batch(width):
     """Of so many inner lanes, as many as numbers in each or not, that end at other steps."""

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from numpy.testing import assert_equal
+from processes import in_a_process
 from tolerances import IDENTITY, SOLVED
 from zoo import Stiffness, run, unit_circle, unit_mass
 
@@ -87,6 +88,28 @@ def test_chunks_change_nothing(whole):
         assert_close(whole.values["end"][lane], wanted["end"], SOLVED)
     assert whole.values["end"].shape == (20, 2)
     assert np.all(whole.success)
+
+
+ON_TWO_DEVICES = """
+assert len(jax.devices()) == 2
+def end(force):
+    pulled = lambda t, q, v: force * jnp.array([1.0, 0.0]) - q
+    system = rj.CustomSystem(lambda q: jnp.eye(2), pulled, q0=jnp.ones(2), v0=jnp.zeros(2))
+    return rj.simulate(system, jnp.linspace(0.0, 1.0, 3), rtol=1e-10).q[-1]
+print(*np.ravel(rj.sweep(end, np.array([0.0, 0.5, 1.0, 2.0])).values))
+"""
+
+
+@pytest.mark.slow
+def test_lanes_on_two_devices_with_one_start():
+    """With nothing set, so that reverse mode is prepared; masses on springs are released from 1 m
+    under a force in the first direction.
+    """
+    flags = "--xla_force_host_platform_device_count=2"
+    (line,) = in_a_process(ON_TWO_DEVICES, XLA_FLAGS=flags)
+    forces = np.array([0.0, 0.5, 1.0, 2.0])
+    wanted = np.stack([forces + (1 - forces) * np.cos(1.0), np.full(4, np.cos(1.0))], axis=1)
+    assert_close(np.reshape([float(x) for x in line.split()], (4, 2)), wanted, SOLVED)
 
 
 def test_impossible_lanes_leave_the_others_as_they_are(whole):

@@ -217,6 +217,13 @@ def parts_of_term(term: Any) -> tuple[Any, ...]:
     return tuple(term.terms) if isinstance(term, diffrax.MultiTerm) else ()
 
 
+def bind(primitive: Any, arrays: list[Any], params: Mapping[str, Any]) -> Any:
+    """The results of an operation with its parameters in a jaxpr, where functions are jaxprs."""
+    given = primitive.get_bind_params(params)
+    functions, named = given if isinstance(given, tuple) else ((), given)  # until JAX 0.9
+    return primitive.bind(*functions, *arrays, **named)
+
+
 def scan_counts(params: Mapping[str, Any]) -> tuple[int, int]:
     """How many arguments of a scan never change, and how many it carries: of its parameters."""
     if "num_consts" in params:

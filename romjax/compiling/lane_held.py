@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from ..common import compat
+
 
 class Held(NamedTuple):
     """An array of a program.
@@ -38,7 +40,7 @@ Rule = Callable[[Any, Sequence[Held]], list[Held] | None]
 
 def bind(equation: Any, arrays: Sequence[Any], **changed: Any) -> list[Any]:
     """The results of an operation, some of whose parameters are changed."""
-    results = equation.primitive.bind(*arrays, **{**equation.params, **changed})
+    results = compat.bind(equation.primitive, [*arrays], {**equation.params, **changed})
     return list(results) if equation.primitive.multiple_results else [results]
 
 

@@ -6,12 +6,40 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .cuts import AbstractWatch, Arrival, Cut, Watching
 from .follower import AbstractFollower, Step
 from .steps import Progress, Trial, chosen
+
+
+class Closure(eqx.Module):
+    """A function that closes over nothing: the numbers that it took are `constants`.
+
+    Arguments are not compared with the examples, as `equinox.filter_closure_convert` does: on one
+    of several devices an array that no lane changes is elsewhere than one that a step has made.
+    """
+
+    jaxpr: Any
+    constants: list[Array]
+    static: tuple[Any, ...] = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, function: Callable[..., Any], *examples: Any) -> "Closure":
+        """The function of arrays like these; what else is in the examples stays as it is there."""
+        closed, shapes, static = eqx.filter_make_jaxpr(function)(*examples)
+        leaves, structure = jax.tree.flatten(static)
+        return cls(closed.jaxpr, closed.consts, (jax.tree.structure(shapes), structure, *leaves))
+
+    def __call__(self, *arguments: Any) -> Any:
+        arrays = jax.tree.leaves(eqx.filter(arguments, eqx.is_array))
+        of_arrays, structure, *leaves = self.static
+        results = jax.core.eval_jaxpr(self.jaxpr, self.constants, *arrays)
+        return eqx.combine(
+            jax.tree.unflatten(of_arrays, results), jax.tree.unflatten(structure, leaves)
+        )
 
 
 class AbstractClosed(AbstractFollower):
@@ -37,7 +65,7 @@ class Closed(AbstractClosed):
         """The follower itself, if it calls no functions of users."""
         if not follower.calls_users:
             return follower
-        return cls(follower, eqx.filter_closure_convert(follower.follow, step, seen))
+        return cls(follower, Closure.of(follower.follow, step, seen))
 
     def follow(self, step: Step, seen: PyTree) -> PyTree:
         return self.function(step._replace(seen={}), seen)
@@ -67,7 +95,7 @@ class Transposable(AbstractClosed):
             return follower.follow(Step(before, after, tried, {}), seen)
 
         ends = step.before.t, step.before.y, step.after.t, step.after.y
-        return cls(follower, eqx.filter_closure_convert(function, *ends, step.tried.between, seen))
+        return cls(follower, Closure.of(function, *ends, step.tried.between, seen))
 
     def follow(self, step: Step, seen: PyTree) -> PyTree:
         before, after, between = step.before, step.after, step.tried.between
@@ -89,7 +117,7 @@ class ClosedWatch(AbstractWatch):
             return None
         before, tried = step.before, step.tried
         by = before.watching, before.t, tried.between, tried.arrival
-        return cls(watch, eqx.filter_closure_convert(watch.cut, *by))
+        return cls(watch, Closure.of(watch.cut, *by))
 
     def start(self, t: Float[Array, ""], y: Any) -> Watching:
         return self.watch.start(t, y)

@@ -22,7 +22,7 @@ from equinox.internal import unvmap_any
 from jaxtyping import Array, Float, Int, PyTree
 
 from .checkpoints import Checkpoint, CheckpointFollower
-from .closed import Closed, ClosedWatch, Transposable
+from .closed import Closed, ClosedWatch, Closure, Transposable
 from .cotangents import differentiable, is_used, of_followers, of_rows, uses_later
 from .follower import Step
 from .march import DENSE, EVENTS, OUTPUTS, March
@@ -73,8 +73,8 @@ def differentiable_run(march: March, start: Progress, most: int) -> Outcome:
     state = start.y, start.solver_state, start.watching, start.t, start.next_t
     seen, tried = march.before(start), eqx.filter_eval_shape(march.trial, *state)
     step = Step(start, start, tried, {})
-    trial = eqx.filter_closure_convert(march.trial, *state)
-    output = eqx.filter_closure_convert(march.outputs.output, start.t, start.y)
+    trial = Closure.of(march.trial, *state)
+    output = Closure.of(march.outputs.output, start.t, start.y)
     others: dict[str, Any] = {}
     transposed: dict[str, Transposable] = {}
     for name, follower in march.others.items():
