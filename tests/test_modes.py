@@ -49,6 +49,15 @@ def test_an_overdamped_pendulum():
     assert_close(found.damping, [20.0 / (2 * frequency * inertia)], EXACT)
 
 
+def test_frequencies_ascend_past_an_overdamped_mode():
+    """One of 10 rad/s, which begins with the smallest eigenvalue, beside one of 5 rad/s."""
+    force = zoo.Stiffness(jnp.array([100.0, 25.0]), jnp.array([60.0, 1.0]))
+    found = rj.modes(rj.CustomSystem(zoo.unit_mass, force, q0=jnp.ones(2), v0=jnp.zeros(2)))
+    assert_close(found.frequencies, [5.0, 10.0], EXACT)
+    assert_close(found.damping, [0.1, 3.0], EXACT)
+    assert_close(jnp.abs(found.shapes), [[0.0, 1.0], [1.0, 0.0]], EXACT)
+
+
 def test_upright_is_unstable():
     found = rj.modes(pendulum(stiffness=0.0, damping=0.0, angle=np.pi / 2))
     growth = np.sqrt(MASS * GRAVITY * ARM / (INERTIA + MASS * ARM**2))

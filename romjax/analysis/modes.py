@@ -207,4 +207,6 @@ def _pairs(
     product = jnp.abs(one * other)
     frequency = jnp.where(product > 0, jnp.sqrt(jnp.where(product > 0, product, 1)), 0)
     ratio = -0.5 * (one + other).real / jnp.where(frequency > 0, frequency, 1)
-    return frequency, ratio, chosen
+    # A pair of real ones begins with the smaller, and may be of a higher frequency than the next.
+    order = jnp.argsort(jnp.round(frequency, 12), stable=True)
+    return frequency[order], ratio[order], chosen[order]
