@@ -18,8 +18,8 @@ from .steps import Progress, Trial, chosen
 class Closure(eqx.Module):
     """A function that closes over nothing: the numbers that it took are `constants`.
 
-    Arguments are not compared with the examples, as `equinox.filter_closure_convert` does: on one
-    of several devices an array that no lane changes is elsewhere than one that a step has made.
+    Arguments are not compared with the examples, as closures of equinox do: on one of several
+    devices an array that no lane changes is elsewhere than one that a step has made.
     """
 
     jaxpr: Any
