@@ -238,11 +238,12 @@ def _hidden(structure: Structure, motion: Trajectory, run: Trajectory) -> tuple[
         return "", 0.0
     groups, members = groups_with_members(motion.coordinates, q.dtype)
     weights: Any = np.diagonal(metric)
-    errors = group_errors(apart, way, weights, members, resolution(motion, run), size)
+    whole: Any = np.asarray(size)
+    errors = group_errors(apart, way, weights, members, resolution(motion, run), whole)
     words = hidden(error / size, errors, groups)
     if not words:
         return "", 0.0
-    missed = group_errors(apart, way, weights, members, np.asarray(1.0), size)
+    missed = group_errors(apart, way, weights, members, np.asarray(1.0), whole)
     return words, float(missed[np.argmax(errors)])
 
 

@@ -23,7 +23,7 @@ class Closure(eqx.Module):
     """
 
     jaxpr: Any
-    constants: list[Array]
+    constants: list[Any]
     static: tuple[Any, ...] = eqx.field(static=True)
 
     @classmethod
