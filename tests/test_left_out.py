@@ -64,7 +64,8 @@ def test_a_model_of_few_modes_tells_how_much_it_errs(halved):
     assert run.flags & LEFT_OUT
     error = off(motion, run)
     assert error > 1e-3
-    words = f"moves or bends, on the motions that it was made of ({error:.1e} of"
+    limits = "more than 100 rtol, and 1e-4, or by a tenth of how one body moves or bends"
+    words = f"{limits}, on the motions that it was made of ({error:.1e} of"
     assert words in run.warnings()
     (measured,) = training_of(rom).errors
     assert_allclose(measured.after(measured.elapsed[-1]), error, rtol=1e-3)
