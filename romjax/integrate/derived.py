@@ -21,6 +21,7 @@ from ..system.stabilization import Baumgarte
 from ..system.structure import without_names
 from .chart_change import ChartChange
 from .outputs import capacity, cut, padded
+from .signature import signature
 
 # States of effects have no inertia. This share of the largest one keeps the metric positive
 # definite, and is too small to count in any error or basis.
@@ -32,11 +33,18 @@ class EagerQuantities(NamedTuple):
 
     - `multipliers` (k, m), `metric` (n, n): as `Trajectory` has them.
     - `parts`: of the system that moved; None within transformations, where nobody asks for it.
+    - `numbers`: the signature of its numbers, in the place of its parts; None where nobody knows.
     """
 
     multipliers: Float[Array, "k m"]
     metric: Float[Array, "n n"]
     parts: Partitioned | None = None
+    numbers: Float[Array, ""] | None = None
+
+    @property
+    def signature(self) -> Float[Array | np.ndarray, ""] | None:
+        """The signature of the numbers of the system that moved; None where nobody knows them."""
+        return self.numbers if self.parts is None else _signature(self.parts)
 
     def every(self, kept: tuple[slice, ...]) -> "EagerQuantities":
         """Return the object for the output times that are `kept`, by slices of runs and times."""
@@ -62,6 +70,11 @@ class LazyQuantities(eqx.Module):
         """The system that moved, without names."""
         system: AbstractSystem = without_names(self.parts.combine())
         return system
+
+    @property
+    def signature(self) -> Float[Array | np.ndarray, ""]:
+        """The signature of the numbers of the system that moved."""
+        return _signature(self.parts)
 
     @property
     def multipliers(self) -> Float[Array, "k m"]:
@@ -148,6 +161,10 @@ def multipliers_along(
         lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, stabilization)
     )(t, q, v, chart)
     return rows
+
+
+def _signature(parts: Partitioned) -> Float[Array | np.ndarray, ""]:
+    return signature(without_names(parts.combine()))
 
 
 # Runs of one system are compared again and again.

@@ -25,6 +25,7 @@ from .integration import AUDIT, MONITORS, STATES, Integrated, integrate
 from .judge import Judgement, judge, with_mass
 from .outputs import capacity, cut, with_room
 from .settings import Settings
+from .signature import signature
 from .statistics import Statistics
 from .step_states import StepStates
 from .ticks import ticked
@@ -106,7 +107,8 @@ def _differentiable(
     own = run.outputs.in_system()
     # XLA leaves out what nobody uses.
     multipliers = multipliers_along(system, run.ts, own.q, own.v, own.chart, used)
-    return run, judgement, EagerQuantities(multipliers, metric_of(system))
+    numbers = jnp.asarray(signature(system))
+    return run, judgement, EagerQuantities(multipliers, metric_of(system), None, numbers)
 
 
 def _integrated(

@@ -86,7 +86,7 @@ def part_energies(system: AbstractSystem, run: Trajectory) -> PartEnergies:
     """The energies and powers of each body and each effect along a `run` of a `system`, full or
     reduced: `part_energies(system, run).kinetic["cart"]` (k,) [J].
 
-    Raises InputError for a run of another system, or a system that has no bodies.
+    Raises InputError for a run of another system or of other numbers, or a system without bodies.
     """
     check_run("part_energies", system, run)
     full = assembled("part_energies", system)

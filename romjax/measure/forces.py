@@ -160,7 +160,7 @@ def joint_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
 
     **Arguments:** the `system`, full or reduced; a `run` that was simulated with it.
 
-    Raises InputError for a run of another system, or a system that has no bodies.
+    Raises InputError for a run of another system or of other numbers, or a system without bodies.
     """
     check_run("joint_forces", system, run)
     full, bare = assembled("joint_forces", system), without_names(system)
@@ -178,7 +178,7 @@ def effect_forces(system: AbstractSystem, run: Trajectory) -> ForceTable:
 
     **Arguments:** the `system`, full or reduced; a `run` that was simulated with it.
 
-    Raises InputError for a run of another system, or a system that has no bodies.
+    Raises InputError for a run of another system or of other numbers, or a system without bodies.
     """
     check_run("effect_forces", system, run)
     full, bare = assembled("effect_forces", system), without_names(system)

@@ -176,7 +176,8 @@ def measure(
       error of `.position`, and so on of all others, of a reduced or capped model.
 
     Works under `jit`, `vmap` and derivatives of any order that the run allows. Raises InputError
-    for a body that the system lacks, a run of another system, or a system that has no bodies.
+    for a body that the system lacks, a run of another system or of other numbers of this one, or a
+    system that has no bodies.
     """
     system, moved = run_or_rest("measure", system, run, t)
     markers = [marker] if against is None else [marker, against]
