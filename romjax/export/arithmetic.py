@@ -101,12 +101,9 @@ class Arithmetic:
 
     def div(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            if kind == "f" and b:
-                return a / b
-            quotient = np.divide if kind == "f" else lambda a, b: int(a / b)
-            return _folded(quotient, a, b)
+            return a / b if b else _folded(np.divide, a, b)
         if _is(a, 0):
-            return 0.0 if kind == "f" else 0
+            return 0.0
         return a if _is(b, 1) else self.writer.compute(kind, "{} / {}", a, b)
 
     def power(self, a: Any, exponent: int, kind: str = "f") -> Any:
@@ -172,7 +169,7 @@ class Arithmetic:
             return a
         if new == "b":
             return self.writer.compute("b", "{} != 0", a)
-        return self.writer.compute(new, "(double){}" if new == "f" else "(long){}", a)
+        return self.writer.compute(new, "(double){}" if new == "f" else "(long long){}", a)
 
     def clamp(self, low: Any, a: Any, high: Any, kind: str) -> Any:
         return self.least(self.largest(a, low, kind), high, kind)
@@ -201,7 +198,8 @@ class Arithmetic:
     def _sign(self, a: Any, kind: str = "f") -> Any:
         if is_known(a):
             return _folded(np.sign, a)
-        return self.writer.compute(kind, "({0} > 0) - ({0} < 0)", a)
+        # Zero and NaN are their own signs.
+        return self.writer.compute(kind, "{0} > 0 ? 1 : {0} < 0 ? -1 : {0}", a)
 
     def _not(self, a: Any, kind: str = "b") -> Any:
         del kind
@@ -216,11 +214,6 @@ class Arithmetic:
             return abs(a)
         return self.writer.compute(kind, "fabs({})" if kind == "f" else "{0} < 0 ? -{0} : {0}", a)
 
-    def _remainder(self, a: Any, b: Any, kind: str = "f") -> Any:
-        if is_known(a) and is_known(b):
-            return _folded(np.fmod, a, b)
-        return self.writer.compute(kind, "fmod({}, {})" if kind == "f" else "{} % {}", a, b)
-
     def _elementwise(self) -> dict[str, Function]:
         comparisons: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
             "gt": ("{} > {}", np.greater),
@@ -229,21 +222,26 @@ class Arithmetic:
             "le": ("{} <= {}", np.less_equal),
             "eq": ("{} == {}", np.equal),
             "ne": ("{} != {}", np.not_equal),
+            "xor": ("{} != {}", np.not_equal),
             # Searches in tables compare by these, where NaN comes last.
             "lt_to": ("{0} < {1} || ({1} != {1} && {0} == {0})", _before),
             "le_to": ("{0} <= {1} || {1} != {1}", lambda a, b: not _before(b, a)),
         }
         functions = {
-            **{name: (name, getattr(np, name)) for name in ("sin", "cos", "tan", "sqrt", "exp")},
+            **{
+                name: (name, getattr(np, name))
+                for name in ("sin", "cos", "tan", "sqrt", "exp", "exp2")
+            },
             **{name: (name, getattr(np, name)) for name in ("sinh", "cosh", "tanh", "floor")},
             **{name: (name, getattr(np, name)) for name in ("ceil", "log", "log1p", "expm1")},
             **{name: (name, getattr(np, f"arc{name[1:]}")) for name in ("asin", "acos", "atan")},
             **{name: (name, getattr(np, f"arc{name[1:]}")) for name in ("asinh", "acosh", "atanh")},
             "atan2": ("atan2", np.arctan2),
             "pow": ("pow", np.power),
+            "rem": ("fmod", np.fmod),
             "cbrt": ("cbrt", np.cbrt),
-            "erf": ("erf", math.erf),
-            "erfc": ("erfc", math.erfc),
+            **{name: (name, getattr(math, name)) for name in ("erf", "erfc")},
+            "lgamma": ("lgamma", _log_gamma),
         }
         known = {name: self._function(*each) for name, each in functions.items()}
         return {
@@ -260,18 +258,20 @@ class Arithmetic:
             "not": self._not,
             "abs": self._absolute,
             "sign": self._sign,
-            "rem": self._remainder,
             "is_finite": self._finite,
             "square": lambda a, kind: self.mul(a, a, kind),
             # JAX 0.12 has it in derivatives of arc functions.
             "one_minus_square": lambda a, kind: self.mul(self.sub(1.0, a), self.add(1.0, a), kind),
             "rsqrt": lambda a, kind: self.div(1.0, known["sqrt"](a), kind),
-            "logistic": lambda a, kind: self.div(
-                1.0, self.add(1.0, known["exp"](self.neg(a))), kind
-            ),
+            "logistic": lambda a, kind: self.div(1.0, self.add(1.0, known["exp"](self.neg(a)))),
             **known,
             **{name: self._comparison(*each) for name, each in comparisons.items()},
         }
+
+
+def _log_gamma(a: float) -> float:
+    pole = a <= 0 and float(a).is_integer()
+    return math.inf if pole or math.isinf(a) else math.lgamma(a)
 
 
 def _before(a: Any, b: Any) -> bool:

@@ -4,6 +4,8 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .arithmetic import Arithmetic
@@ -16,11 +18,13 @@ Operands = list[Cells]
 
 def kind_of(aval: Any) -> str:
     """The kind of the numbers of an array, one of `TYPES`."""
+    if jnp.issubdtype(aval.dtype, jax.dtypes.prng_key):
+        refuse("random numbers", "draw them before, and take what is drawn as an array")
     dtype: Any = np.dtype(aval.dtype)
     if dtype.kind == "f" and dtype != np.float64:
         refuse(
             f"numbers of type {dtype}, since C is made in double precision",
-            'call jax.config.update("jax_enable_x64", True) before making any array',
+            "ask for dtype=float where they are made",
         )
     if dtype.kind not in TYPES:
         refuse(f"numbers of type {dtype}", "use real numbers")
@@ -61,6 +65,7 @@ class Arrays:
             "squeeze": lambda x, p, _: np.squeeze(x[0], axis=p["dimensions"]),
             "expand_dims": lambda x, p, _: np.expand_dims(x[0], p["dimensions"]),
             "reshape": lambda x, p, _: x[0].reshape(p["new_sizes"]),
+            "tile": lambda x, p, _: np.tile(x[0], p["reps"]),
             "transpose": lambda x, p, _: x[0].transpose(p["permutation"]),
             "concatenate": lambda x, p, _: np.concatenate(x, axis=p["dimension"]),
             "stack": lambda x, p, _: np.stack(x, axis=p["axis"]),
@@ -80,8 +85,6 @@ class Arrays:
             "gather": self._gather,
             "dynamic_slice": self._dynamic_slice,
             "dynamic_update_slice": self._dynamic_update_slice,
-            "scatter-add": lambda x, p, k: self._scatter(x, p, k, "scatter-add"),
-            "scatter": lambda x, p, k: self._scatter(x, p, k, "scatter"),
             "dot_general": self._dot,
             "argmax": lambda x, p, k: self._first(x[0], p, k[0], "gt"),
             "argmin": lambda x, p, k: self._first(x[0], p, k[0], "lt"),
@@ -105,6 +108,10 @@ class Arrays:
             for at in np.ndindex(best.shape):
                 new = np.moveaxis(x, axis, 0)[(i, *at)]
                 takes = compare(new, best[at], kind="b")
+                if kind == "f":  # NaN comes before all numbers
+                    unlike, like = (self.arithmetic.elementwise[x] for x in ("ne", "eq"))
+                    lost = self.arithmetic.both(unlike(new, new), like(best[at], best[at]))
+                    takes = self.arithmetic.either(takes, lost)
                 best[at] = self.arithmetic.choose(takes, best[at], new, kind)
                 where[at] = self.arithmetic.choose(takes, where[at], i, "i")
         return where
@@ -221,36 +228,6 @@ class Arrays:
             fill = {"f": float("nan"), "b": True}.get(kind, -(2**63) if kind == "i" else 2**32 - 1)
         pick = np.frompyfunc(lambda x: self.arithmetic.choose(same, fill, x, kind), 1, 1)
         return np.asarray(pick(part), dtype=object)
-
-    def _scatter(self, x: Operands, p: Any, kinds: list[str], how: str) -> Cells:
-        operand, indices, updates = x
-        if not all_known(indices):
-            refuse(
-                f"a {how} to places that depend on the state",
-                "write it as sums over all places, with weights that are zero elsewhere",
-            )
-        numbers, out = p["dimension_numbers"], operand.copy()
-        dropped = {*numbers.inserted_window_dims, *numbers.operand_batching_dims}
-        kept = [d for d in range(operand.ndim) if d not in dropped]
-        others = [d for d in range(updates.ndim) if d not in numbers.update_window_dims]
-        for at in np.ndindex(updates.shape):
-            batch = tuple(at[d] for d in others)
-            place = [0] * operand.ndim
-            for d, of in zip(
-                numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, strict=True
-            ):
-                place[d] = batch[of]
-            for k, d in enumerate(numbers.scatter_dims_to_operand_dims):
-                place[d] = indices[(*batch, k)]
-            for d, of in zip(kept, numbers.update_window_dims, strict=True):
-                place[d] += at[of]
-            here = tuple(place)
-            if all(0 <= i < n for i, n in zip(here, operand.shape, strict=True)):
-                new = updates[at]
-                out[here] = (
-                    new if how == "scatter" else self.arithmetic.add(out[here], new, kinds[0])
-                )
-        return out
 
 
 def _slices(p: Any) -> tuple[slice, ...]:

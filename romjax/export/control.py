@@ -5,16 +5,19 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
 
 from .arithmetic import Arithmetic
-from .arrays import Arrays, Cells, cells, kind_of, over
+from .arrays import Arrays, Cells, all_known, cells, kind_of, over
 from .factors import Factors
 from .iteration import Iteration
 from .refuse import refuse
+from .scatter import Scatter
 from .sorting import Sorting
 from .terms import Writer, distinct, is_known
+from .whole import Whole
 
 # What these hold is evaluated as it is: their derivatives were taken before, if any were.
 _PLAIN = {
@@ -31,8 +34,6 @@ _PLAIN = {
 }
 # Sums in which the order and repetitions do not count.
 _IDEMPOTENT = {"reduce_max", "reduce_min", "reduce_or", "reduce_and"}
-# Operations of truth values, which are others of whole numbers.
-_LOGICAL = {"and", "or", "not"}
 
 
 class Control:
@@ -40,11 +41,13 @@ class Control:
 
     def __init__(self, writer: Writer, arithmetic: Arithmetic, arrays: Arrays) -> None:
         self.writer, self.arithmetic = writer, arithmetic
+        self.whole = Whole(arithmetic)
         self.operations = {
             **arrays.operations,
             **Factors(arithmetic).operations,
             **Sorting(arithmetic).operations,
-            **Iteration(writer, self.run).operations,
+            **Scatter(arithmetic, self.run).operations,
+            **Iteration(arithmetic, self.run).operations,
             "integer_pow": self._integer_pow,
             "convert_element_type": self._convert_element_type,
             "select_n": self._select_n,
@@ -52,6 +55,7 @@ class Control:
             "custom_linear_solve": self._custom_linear_solve,
             "cond": self._cond,
             "platform_index": self._platform_index,
+            "bitcast_convert_type": self.whole.bitcast,
         }
 
     def run(self, jaxpr: Any, consts: Sequence[Any], args: Sequence[Cells]) -> list[Cells]:
@@ -81,14 +85,17 @@ class Control:
             inner = p[_PLAIN[name]]
             inner, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "consts") else (inner, [])
             return self.run(inner, consts, x)
-        if name in _LOGICAL and kind != "b":
-            refuse(f"`{name}` of the bits of whole numbers", "leave it to romjax.simulate")
+        dtype = equation.invars[0].aval.dtype if equation.invars else None
+        if self.whole.takes(name, dtype):
+            return self.whole.call(name, x, p, dtype)
         if name in self.arithmetic.elementwise:
             function = self.arithmetic.elementwise[name]
             return over(lambda *numbers: function(*numbers, kind=kind), x)
         if name in self.arithmetic.sums:
             return self._sum(name, x[0], p, kind)
         if name not in self.operations:
+            if all(all_known(each) for each in x):
+                return _by_jax(equation, x)
             refuse(
                 f"the operation `{name}` of JAX, for which there is no C",
                 "write the part that needs it with other functions, or leave it to romjax.simulate",
@@ -127,10 +134,12 @@ class Control:
 
     def _select_n(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
         del p
-        which, cases, kind = x[0], x[1:], kinds[1]
-        if len(cases) > 2:
-            refuse("a choice among more than two arrays", "nest choices between two")
-        return over(lambda w, a, b: self.arithmetic.choose(w, a, b, kind), [which, *cases])
+        which, (first, *others), kind = x[0], x[1:], kinds[1]
+        if kinds[0] == "b":
+            return over(
+                lambda w, a, b: self.arithmetic.choose(w, a, b, kind), [which, first, *others]
+            )
+        return self._chosen(which, [[first], *([each] for each in others)], [kind])[0]
 
     def _clamp(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
         del p
@@ -152,11 +161,15 @@ class Control:
             taken = branches[min(max(int(which), 0), len(branches) - 1)]
             return self.run(taken.jaxpr, taken.consts, x[1:])
         results = [self.run(branch.jaxpr, branch.consts, x[1:]) for branch in branches]
-        chosen, types = results[0], [kind_of(v.aval) for v in branches[0].jaxpr.outvars]
-        for number, other in enumerate(results[1:], 1):
-            takes = self.writer.compute("b", f"{{}} >= {number}", which)
+        return self._chosen(x[0], results, [kind_of(v.aval) for v in branches[0].jaxpr.outvars])
+
+    def _chosen(self, which: Cells, cases: list[list[Cells]], types: list[str]) -> list[Cells]:
+        """The results of the case of a number, the last one beyond."""
+        reaches, chosen = self.arithmetic.elementwise["ge"], cases[0]
+        for number, other in enumerate(cases[1:], 1):
+            takes = over(lambda w, n=number: reaches(w, n), [which])
             chosen = [
-                over(lambda a, b, t=takes, k=kind: self.arithmetic.choose(t, a, b, k), [a, b])
+                over(lambda t, a, b, k=kind: self.arithmetic.choose(t, a, b, k), [takes, a, b])
                 for a, b, kind in zip(chosen, other, types, strict=True)
             ]
         return chosen
@@ -166,3 +179,14 @@ class Control:
         del x, kinds
         taken = [each is None or "cpu" in each for each in p["platforms"]]
         return cells(taken.index(True))
+
+
+def _by_jax(equation: Any, x: list[Cells]) -> list[Cells]:
+    """The results of an operation of numbers that are known."""
+    with jax.ensure_compile_time_eval():
+        given = [
+            jnp.asarray(np.asarray(each.tolist(), atom.aval.dtype).reshape(atom.aval.shape))
+            for each, atom in zip(x, equation.invars, strict=True)
+        ]
+        results = equation.primitive.bind(*given, **equation.params)
+    return [cells(each) for each in (results if equation.primitive.multiple_results else [results])]

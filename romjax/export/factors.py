@@ -18,7 +18,7 @@ _LU = """{{
         if (fabs({a}[j*{n} + i]) > fabs({a}[best*{n} + i])) best = j;
       {p}[i] = best;
       if (best != i) {{
-        const long row = {r}[i];
+        const long long row = {r}[i];
         {r}[i] = {r}[best];
         {r}[best] = row;
         for (int k = 0; k < {n}; k++) {{
@@ -56,7 +56,7 @@ class Factors:
             values = list(x[0][at].flat)
             a, q, r = (writer.name("a") for _ in range(3))
             numbers = ", ".join(literal(value) for value in values)
-            text = f"double {a}[{n * n}] = {{{numbers}}}; long {q}[{n}], {r}[{n}]; "
+            text = f"double {a}[{n * n}] = {{{numbers}}}; long long {q}[{n}], {r}[{n}]; "
             loops = _LU.format(n=n, a=a, p=q, r=r)
             # An elimination of n rows takes about n³ / 3 products.
             writer.line(text + loops, (a, q, r), uses_of(values), n**3 // 3)

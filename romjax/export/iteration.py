@@ -1,20 +1,22 @@
 """Loops of a traced program: written line by line where that is short, else as loops of C."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..common import compat
-from .arrays import Cells, kind_of, over
-from .terms import TYPES, Term, Writer, is_known, literal, uses_of
+from .arithmetic import Arithmetic
+from .arrays import Cells, all_known, kind_of, over
+from .terms import TYPES, Term, literal, uses_of
 
 
 class Iteration:
-    """Loops, written to a `Writer`; `run` evaluates the program that a loop holds."""
+    """Loops, as `Arithmetic` writes them; `run` evaluates the program that a loop holds."""
 
-    def __init__(self, writer: Writer, run: Callable[..., list[Cells]]) -> None:
-        self.writer, self._run = writer, run
+    def __init__(self, arithmetic: Arithmetic, run: Callable[..., list[Cells]]) -> None:
+        self.arithmetic, self.writer, self._run = arithmetic, arithmetic.writer, run
         self.operations = {"scan": self.scan, "while": self.while_loop}
 
     def scan(self, x: list[Cells], p: Any, kinds: list[str]) -> list[Cells]:
@@ -88,23 +90,44 @@ class Iteration:
         mark, first, state = self.writer.mark(), self.writer.written, start
         while True:
             here = self.writer.mark()
-            goes = self._run(condition.jaxpr, condition.consts, [*fixed, *state])[0].item()
+            lanes, goes = self._goes(condition, fixed, state)
             self.writer.forget(here)
-            if not is_known(goes) or self.writer.written - first > self.writer.unrolled:
+            if not all_known(lanes) or self.writer.written - first > self.writer.unrolled:
                 break
             if not goes:
                 self.writer.keep()
                 return state
-            state = self._run(body.jaxpr, body.consts, [*given, *state])
+            new = self._run(body.jaxpr, body.consts, [*given, *state])
+            state = self._going(lanes, state, new, types)
         self.writer.forget(mark)
         state = self._variables(start, types)
         names = tuple(t.text for each in state for t in each.flat)
         with self.writer.loop("for (;;)", names):
-            goes = self._run(condition.jaxpr, condition.consts, [*fixed, *state])[0].item()
+            lanes, goes = self._goes(condition, fixed, state)
             self.writer.line(f"if (!({literal(goes)})) break;", (), uses_of([goes]), 1)
             out = self._run(body.jaxpr, body.consts, [*given, *state])
-            self._assign(state, out, types)
+            self._assign(state, self._going(lanes, state, out, types), types)
         return self._named(state, types)
+
+    def _goes(self, condition: Any, fixed: list[Cells], state: list[Cells]) -> tuple[Cells, Any]:
+        """Which lanes of a loop go on, and whether any does."""
+        (lanes,) = self._run(condition.jaxpr, condition.consts, [*fixed, *state])
+        return lanes, functools.reduce(self.arithmetic.either, lanes.flat, False)
+
+    def _going(
+        self, lanes: Cells, old: list[Cells], new: list[Cells], types: list[str]
+    ) -> list[Cells]:
+        """The new numbers of lanes that go on, where a loop has any."""
+        if not lanes.ndim:
+            return new
+        choose = self.arithmetic.choose
+        return [
+            over(
+                lambda goes, a, b, k=kind: choose(goes, a, b, k),
+                [lanes.reshape(lanes.shape + (1,) * (a.ndim - lanes.ndim)), a, b],
+            )
+            for a, b, kind in zip(old, new, types, strict=True)
+        ]
 
     def _named(self, values: list[Cells], types: list[str]) -> list[Cells]:
         """Variables that change no more as numbers with names of their own."""

@@ -8,7 +8,7 @@ import numpy as np
 from .arithmetic import Arithmetic
 from .arrays import Cells, Operands
 from .refuse import refuse
-from .terms import Term, literal, uses_of
+from .terms import TYPES, Term, literal, uses_of
 
 # By insertion, which keeps the order of equal keys; NaN comes last, as in JAX.
 _SORT = """{{
@@ -43,7 +43,7 @@ class Sorting:
 
     def _row(self, rows: list[Cells], kinds: list[str]) -> list[list[Any]]:
         n, names = len(rows[0]), [self.writer.name("a") for _ in rows]
-        types = ["double" if kind == "f" else "long" for kind in kinds]
+        types = [TYPES[kind] for kind in kinds]
         values = [value for row in rows for value in row]
         begun = [
             f"{kind} {name}[{n}] = {{{', '.join(literal(value) for value in row)}}};"

@@ -10,7 +10,7 @@ import numpy as np
 from .refuse import refuse
 
 # Types of C by kinds of numbers.
-TYPES = {"f": "double", "i": "long", "u": "long", "b": "int"}
+TYPES = {"f": "double", "i": "long long", "u": "long long", "b": "int"}
 
 
 class Term:
@@ -55,7 +55,8 @@ def literal(x: Any) -> str:
     if isinstance(x, Term):
         return x.text
     if isinstance(x, bool | np.bool_ | int | np.integer):
-        return str(int(x))
+        # C takes the digits and the sign for two things, of which the first may be too large.
+        return str(int(x)) if x > -(2**63) else f"({int(x) + 1} - 1)"
     x = float(x)
     if np.isnan(x):
         return "NAN"
@@ -101,8 +102,11 @@ class Writer:
         self._count += 1
         return f"{stem}{self._count - 1}"
 
-    def compute(self, kind: str, pattern: str, *numbers: Any) -> Term:
-        """The term of an expression, `pattern` with the numbers in their places."""
+    def compute(self, kind: str, pattern: str, *numbers: Any, exact: bool = True) -> Term:
+        """The term of an expression, `pattern` with the numbers in their places.
+
+        `exact`: whether a double can hold it, in which other functions are given it.
+        """
         text = pattern.format(*[literal(x) for x in numbers])
         for scope in reversed(self._scopes):
             if text in scope:
@@ -114,8 +118,9 @@ class Writer:
             )
         name, c = self.name("x"), TYPES[kind]
         count = int(pattern != "{}")  # a number that only gets a name is none
-        line = _Statement(f"const {c} {name} = {text};", (name,), uses_of(numbers), count, kind=c)
-        self._lines.append(line)
+        own = f"const {c} {name} = {text};"
+        held = c if exact else ""
+        self._lines.append(_Statement(own, (name,), uses_of(numbers), count, kind=held))
         term = self._scopes[-1][text] = Term(name, (name,))
         return term
 

@@ -1,0 +1,125 @@
+"""Whole numbers of a program in C: their quotients, their bits, and those without a sign."""
+
+import functools
+import operator
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .arithmetic import Arithmetic
+from .arrays import Cells, Operands, over
+from .refuse import refuse
+from .terms import TYPES, is_known
+
+_BITS, _MASK = 64, 2**64 - 1  # of the type of C
+_REDUCED = {"reduce_and": "and", "reduce_or": "or", "reduce_xor": "xor"}
+# What may leave the range of numbers without a sign, where they go on from its other end.
+_WRAPPED = {"add", "sub", "mul", "neg", "not", "shift_left"}
+# What takes each bit of a number to be there; of fewer of them C has more.
+_OF_BITS = {"shift_left", "shift_right_logical"}
+
+
+class Whole:
+    """The operations by their names, where they are others than those of real numbers."""
+
+    def __init__(self, arithmetic: Arithmetic) -> None:
+        self.writer = arithmetic.writer
+        wide = f"(unsigned {TYPES['i']})"
+        self._signed: dict[str, tuple[str, Callable[..., Any]]] = {
+            # By zero as XLA divides; C would end the process.
+            "div": ("{1} == 0 ? -1 : {0} / {1}", _quotient),
+            "rem": ("{1} == 0 ? {0} : {0} % {1}", lambda a, b: a - b * _quotient(a, b) if b else a),
+            "and": ("{} & {}", operator.and_),
+            "or": ("{} | {}", operator.or_),
+            "xor": ("{} ^ {}", operator.xor),
+            "not": ("~{}", operator.invert),
+            "shift_left": (f"({TYPES['i']})({wide}{{}} << {{}})", operator.lshift),
+            "shift_right_arithmetic": ("{} >> {}", operator.rshift),
+            "shift_right_logical": (
+                f"({TYPES['i']})({wide}{{}} >> {{}})",
+                lambda a, n: (a & _MASK) >> n,
+            ),
+        }
+        self._unsigned: dict[str, tuple[str, Callable[..., Any]]] = {
+            **self._signed,
+            "add": (f"({TYPES['i']})({wide}{{}} + {{}})", operator.add),
+            "sub": (f"({TYPES['i']})({wide}{{}} - {{}})", operator.sub),
+            "mul": (f"({TYPES['i']})({wide}{{}} * {{}})", operator.mul),
+            "neg": ("-{}", operator.neg),
+        }
+
+    def takes(self, name: str, dtype: Any) -> bool:
+        """Whether an operation of numbers of some type is one of those."""
+        kind = np.dtype(dtype).kind
+        mine = self._unsigned if kind == "u" else self._signed
+        return kind in "iu" and (name in mine or name in _REDUCED)
+
+    def call(self, name: str, x: Operands, p: Any, dtype: Any) -> Cells:
+        """The result of an operation that this takes."""
+        if name not in _REDUCED:
+            return over(lambda *numbers: self._one(name, np.dtype(dtype), *numbers), x)
+        pair, rows = functools.partial(self._one, _REDUCED[name], np.dtype(dtype)), x[0]
+        for axis in sorted(p["axes"], reverse=True):
+            each = [np.take(rows, i, axis) for i in range(rows.shape[axis])]
+            rows = functools.reduce(lambda a, b: over(pair, [a, b]), each)
+        return rows
+
+    def _one(self, name: str, dtype: Any, *numbers: Any) -> Any:
+        mine = self._unsigned if dtype.kind == "u" else self._signed
+        pattern, known = mine[name]
+        bits = 8 * dtype.itemsize
+        wraps = dtype.kind == "u" and name in _WRAPPED
+        if bits != _BITS if dtype.kind == "i" and name in _OF_BITS else bits == _BITS and wraps:
+            refuse(f"`{name}` of numbers of type {dtype}", "take them as int64")
+        if name.startswith("shift"):
+            numbers = numbers[0], self._count(name, numbers[1])
+            if numbers[1] == _BITS:
+                return 0
+        if all(is_known(x) for x in numbers):
+            value = known(*map(int, numbers))
+            return value % 2**bits if dtype.kind == "u" else _with_sign(value)
+        if name == "and" and 0 in numbers:
+            return 0
+        if wraps:
+            pattern = f"({pattern}) & {2**bits - 1}"
+        return self.writer.compute("i", pattern, *numbers, exact=bits < _BITS)
+
+    def _count(self, name: str, by: Any) -> int:
+        """By how many bits a shift goes; all of them leave nothing, but a sign."""
+        if not is_known(by):
+            refuse(f"`{name}` by a number that depends on the state", "multiply by powers of 2")
+        most = _BITS - 1 if name == "shift_right_arithmetic" else _BITS
+        return int(by) if 0 <= by < most else most
+
+    def bitcast(self, x: Operands, p: Any, kinds: list[str]) -> Cells:
+        """The bits of a double as a whole number, and back."""
+        old, new = kinds[0], np.dtype(p["new_dtype"])
+        if {old, new.kind} - {"f", "i"} or 8 * new.itemsize != _BITS:
+            refuse(f"the bits of a number as {new}", "take those of float64 as int64, and back")
+        if old == new.kind:
+            return x[0]
+        formats = {"f": "<d", "i": "<q"}
+        union = f"(union {{{{ double f; {TYPES['i']} i; }}}})"
+
+        def one(number: Any) -> Any:
+            if is_known(number):
+                return struct.unpack(formats[new.kind], struct.pack(formats[old], number))[0]
+            pattern = f"({union}{{{{.{old} = {{}}}}}}).{new.kind}"
+            return self.writer.compute(new.kind, pattern, number, exact=new.kind == "f")
+
+        return over(one, x)
+
+
+def _quotient(a: int, b: int) -> int:
+    """Rounded towards zero."""
+    if b == 0:
+        return -1
+    return abs(a) // abs(b) * (1 if (a < 0) == (b < 0) else -1)
+
+
+def _with_sign(value: int) -> int:
+    """A number of as many bits as C has."""
+    value &= _MASK
+    return value - 2**_BITS if value >> (_BITS - 1) else value
