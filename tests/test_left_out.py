@@ -14,7 +14,6 @@ from numpy.testing import assert_allclose
 
 import romjax as rj
 from romjax.basis.snapshots import SnapshotSet
-from romjax.events.record import Events
 from romjax.integrate import left_out
 from romjax.integrate.left_out import TrainingError
 from romjax.reduction.formulation.parse import as_formulation
@@ -236,31 +235,6 @@ def test_what_the_error_of_positions_hides_is_told_of():
     assert f"of the longest way of a body, and {hidden}; take more modes" in run.warnings()
     assert not again(0.1 * missed).flags & LEFT_OUT
     assert jax.jit(lambda q: again(q0=q).flags)(rom.q0) == LEFT_OUT
-
-
-def test_motions_are_repeated_until_an_impact_or_a_stop():
-    """What is only looked for changes none."""
-    motion = zoo.motion(zoo.five_bar)
-    t, none = np.asarray(motion.t), np.zeros((3, 12))
-    columns = {"happened": np.ones((3, 1), bool), "impulse": np.zeros((3, 1)), "q": none}
-    struck = none.copy()
-    struck[1, 4] = 1.0
-    times = t[10], t[20] + 0.3 * (t[21] - t[20]), np.inf
-    event = Events(
-        np.array(2),
-        np.array(times),
-        **columns,
-        v_before=none,
-        v_after=struck,
-        lasting=np.array(False),
-    )
-    crossed = dataclasses.replace(event, v_after=none)
-    held = np.minimum(t, t[30])
-    counts = [
-        left_out._undisturbed(dataclasses.replace(motion, events=happened, t=times))
-        for happened, times in ((None, t), (crossed, t), (event, t), (crossed, held))
-    ]
-    assert counts == [len(t), len(t), 21, 31]
 
 
 def _height(system, t, q, v):

@@ -11,10 +11,11 @@ from jaxtyping import Array, Bool, Float
 from ..common.checks import check_finite, check_shape
 from ..common.errors import InputError
 from ..common.fields import Converted, number
+from ..compiling.program import program_once
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
 from ..system.mobility import moves
-from ..system.reduced import reduced_of
+from ..system.reduced import AbstractReducedSystem, Physical, Reduced, reduced_of
 from .base import AbstractEvent, Direction, Quantity
 
 __all__ = ["Impact"]
@@ -120,3 +121,32 @@ def collide(
         carried = system.state(t, q, jnp.zeros_like(v)).energy().momentum
         work += multiply(carried, multiply(response, impulses))
     return Collision(after, impulses, rates, work, jnp.any(closed & (rates < -least)))
+
+
+@program_once
+def struck(
+    model: AbstractReducedSystem,
+    t: Float[Array, ""],
+    z: Reduced,
+    w: Reduced,
+    impact: tuple[Physical, Physical, Physical],
+) -> Reduced:
+    """The velocities of a model after an `impact` of its full system, at q, v before and v after.
+
+    The impulse acts where it does in the full system, and is as large as the law of restitution
+    asks of the model: it changes the speed along the impulse by as much.
+    """
+    q, before, after = impact
+    change = after - before
+    impulse = model.full.state(t, q, before).apply_mass(change)
+
+    def lift(z: Array) -> Array:
+        return model.reconstruct(t, z, jnp.zeros_like(z))[0]
+
+    _, pull = jax.vjp(lift, z)
+    none = jnp.zeros((model.m, 1), z.dtype)
+    (jump,), _ = (x.T for x in model.state(t, z, w).kkt().solve(pull(impulse)[0][:, None], none))
+    seen = multiply(impulse, jax.jvp(lift, (z,), (jump,))[1])
+    ratio = jnp.where(seen > 0, multiply(impulse, change) / jnp.where(seen > 0, seen, 1), 0)
+    velocities: Reduced = w + ratio * jump
+    return velocities

@@ -237,9 +237,15 @@ def _constraints(system: AbstractSystem, ts: Any, told: Told) -> Any:
     return Start.of(system, as_jax(ts[0]), as_jax(q), as_jax(v), tolerance)
 
 
-def _repeat(rom: AbstractSystem, ts: Vector, rtol: float) -> Trajectory:
+def _repeat(
+    rom: AbstractSystem,
+    ts: Vector,
+    rtol: float,
+    q0: Vector | None = None,
+    v0: Vector | None = None,
+) -> Trajectory:
     """A motion that a reduced model was made of, by the same means."""
-    return compile(rom).simulate(ts, rtol=rtol, throw=False)
+    return compile(rom).simulate(ts, rtol=rtol, q0=q0, v0=v0, throw=False)
 
 
 def compile(

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import operator
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -23,6 +22,7 @@ from ..system.structure import Structure
 from ..system.training import Training, training_of
 from .error_bar import MUCH, hidden
 from .group_errors import RESOLVED, group_errors, groups_with_members, resolution
+from .repeated import Simulate, after_impacts, undisturbed
 from .trajectory import Trajectory
 
 # A model's motion may be off by so many tolerances, relative to its size, and by the second number
@@ -40,8 +40,6 @@ _SHARPEST, _DIGITS, _USUAL = 1e-8, 100, 1e-6
 _REST = 1e-10
 # A motion as long as the training may be shorter by rounding.
 _SLACK = 1e-9
-
-Simulate = Callable[..., Trajectory]
 
 
 class TrainingError(NamedTuple):
@@ -99,7 +97,7 @@ def flag_left_out(
 
     The model repeats them once, by `simulate` before its first run, also where JAX traces that. It
     is the error of the training and no bound for other motions, of which `romjax.corrected` tells.
-    Of motions with impacts and stops it is that up to the first of these.
+    After an impact of such a motion the model goes on from where the bodies are then.
     """
     errors = _errors(system, simulate)
     if not errors:
@@ -179,20 +177,7 @@ def _is_known(motion: Any) -> bool:
     """Whether a motion can be repeated: it is a run of a known system."""
     if not isinstance(motion, Trajectory) or motion.derived.parts is None:
         return False
-    return motion.status.ndim == 0 and bool(motion.success) and _undisturbed(motion) > 1
-
-
-def _undisturbed(motion: Trajectory) -> int:
-    """The number of output times until an impact or a stop first changes a motion."""
-    t, events, first = np.asarray(motion.t), motion.events, np.inf
-    if events is not None:
-        count = int(events.count)
-        before, after = (np.asarray(x)[:count] for x in (events.v_before, events.v_after))
-        first = np.min(
-            np.asarray(events.time)[:count][np.any(before != after, axis=1)], initial=first
-        )
-    # After a stop times stay as they are.
-    return int(np.sum((t <= first) & (np.diff(t, prepend=-np.inf) > 0)))
+    return motion.status.ndim == 0 and bool(motion.success) and undisturbed(motion) > 1
 
 
 def _beginning_as(
@@ -213,25 +198,25 @@ def _beginning_as(
         return None
 
 
-def _error(rom: AbstractSystem, motion: Trajectory, simulate: Simulate) -> TrainingError:
+def _error(rom: AbstractReducedSystem, motion: Trajectory, simulate: Simulate) -> TrainingError:
     """Return the training error of a reduced model on one motion."""
     least = max(_SHARPEST, _DIGITS * float(np.finfo(motion.q.dtype).eps))
     given = _USUAL if motion.stats.rtol is None else float(motion.stats.rtol)
     rtol, times = max(given, least), np.asarray(motion.t)
-    error, hides, count = np.full(len(times), np.inf), ("", 0.0), _undisturbed(motion)
-    run = simulate(rom, times[:count], rtol=rtol)
+    error, hides = np.full(len(times), np.inf), ("", 0.0)
+    run = simulate(rom, times[: undisturbed(motion)], rtol=rtol)
     if run.success:
-        structure, q = motion.system.full.structure, np.asarray(motion.q)[:count]
-        history, hides = _history(structure, q, np.asarray(run.q)), _hidden(structure, motion, run)
-        # What comes after an impact nobody has repeated.
-        error = np.pad(history, (0, len(times) - count), mode="edge")
+        run = after_impacts(rom, motion, run, rtol, simulate)
+        structure, q, other = motion.system.full.structure, np.asarray(motion.q), np.asarray(run.q)
+        error = _history(structure, q, other)
+        hides = _hidden(structure, motion, run) if np.all(np.isfinite(other)) else hides
     start = run.t[0], run.q[0], run.v[0]
     return TrainingError(times - times[0], error, rtol, _numbers(rom), start, *hides)
 
 
 def _hidden(structure: Structure, motion: Trajectory, run: Trajectory) -> tuple[str, float]:
     """Return what the error of a run hides, as `TrainingError` has it."""
-    q, other = _alike(structure, np.asarray(motion.q)[: len(run.q)], np.asarray(run.q))
+    q, other = _alike(structure, np.asarray(motion.q), np.asarray(run.q))
     metric, way, apart = np.asarray(motion.metric), q - q[:1], other - q
     size, error = (np.sqrt(max(np.sum((x @ metric) * x), 0.0)) for x in (way, apart))
     if not size > 0:

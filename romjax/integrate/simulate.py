@@ -193,6 +193,8 @@ def _training(
     rom: AbstractSystem,
     ts: Vector,
     rtol: float,
+    q0: Vector | None = None,
+    v0: Vector | None = None,
 ) -> Trajectory:
     """A motion that a reduced model was made of, repeated as the one that was asked for, but by
     default where JAX traces numbers of these choices, or a method needs fixed steps.
@@ -203,7 +205,7 @@ def _training(
     given: dict[str, Any] = {"solver": solver, "stabilization": stabilization, "audit": audit}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return simulate(rom, ts, rtol=rtol, throw=False, **given)
+        return simulate(rom, ts, q0=q0, v0=v0, rtol=rtol, throw=False, **given)
 
 
 def _stabilization(
