@@ -17,17 +17,20 @@ from ..common.outside import outside_of_traces
 from ..linalg.quaternions import columns as quaternion_columns
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
-from ..system.reduced import AbstractReducedSystem
+from ..system.reduced import AbstractReducedSystem, reduced_of
 from ..system.structure import Structure
-from ..system.training import Training, training_of
+from ..system.training import Training, training_error, training_of
 from .error_bar import MUCH, hidden
 from .group_errors import RESOLVED, group_errors, groups_with_members, resolution
 from .repeated import Simulate, after_impacts, undisturbed
 from .trajectory import Trajectory
+from .unmodelled import flag_departure, leaves_out
 
 # A model's motion may be off by so many tolerances, relative to its size, and by the second number
 # however sharply the motion is integrated.
 _ALLOWED, _LEAST = 100.0, 1e-4
+# How many times an estimated error of a model another estimate may be.
+_TWICE = 2.0
 # A model that errs by such a share of a motion that it was not made of promises nothing; nor does
 # one that errs by so many tolerances more than the step size control does.
 _MARGIN, _STEPS = 0.1, 30.0
@@ -95,40 +98,65 @@ def flag_left_out(
     none of these motions, and the model, of a kind that may err by more elsewhere, errs by more
     than a tenth of that on them.
 
-    The model repeats them once, by `simulate` before its first run, also where JAX traces that. It
-    is the error of the training and no bound for other motions, of which `romjax.corrected` tells.
-    After an impact of such a motion the model goes on from where the bodies are then.
+    A run that is none of these motions has `Flag.UNMODELLED` where forces move the mechanism out of
+    a model with fewer freedoms by as much, as far as `departure` tells, and by more than the double
+    of the error that somebody has estimated for the model.
+
+    The model repeats its motions once, by `simulate` before its first run, also where JAX traces
+    that. It is the error of the training and no bound for other motions, of which
+    `romjax.corrected` tells. After an impact of such a motion the model goes on from where the
+    bodies are then.
     """
-    errors = _errors(system, simulate)
-    if not errors:
+    training = training_of(system)
+    if training is None:
         return run
+    errors = _errors(training, simulate)
     # What most models pass is asked of every run, so it is asked in Python's numbers.
-    hides = any(one.hidden for one in errors)
-    if not hides and all(
+    passes = not any(one.hidden for one in errors) and all(
         one.error[-1] <= max(_MARGIN * _LEAST, _STEPS * one.rtol) for one in errors
-    ):
+    )
+    rom = reduced_of(system) if leaves_out(training) else None
+    if passes and rom is None:
         return run
+    tried: Any = np.zeros((), bool)
+    tried = functools.reduce(operator.or_, [one.is_of(run, system) for one in errors], tried)
+    told = 0 if passes else _by_training(system, run, rtol, errors, tried)
+    if rom is not None:
+        estimated = float(np.fmax(_TWICE * np.asarray(training_error(system)), 0))
+        limit = _allowed(jnp if is_traced(rtol) else np, rtol, estimated / _ALLOWED)
+        told |= flag_departure(rom, run, limit, tried)
+    flags = concrete(run.flags)
+    if is_traced(told) or flags is None:
+        return dataclasses.replace(run, flags=run.flags | told)
+    return dataclasses.replace(run, flags=as_jax(flags | told)) if told else run
+
+
+def _by_training(
+    system: AbstractSystem,
+    run: Trajectory,
+    rtol: Any,
+    errors: tuple[TrainingError, ...],
+    tried: Any,
+) -> Any:
+    """The flag that the errors of a model on its training tell."""
     span: Any = run.t[-1] - run.t[0]
-    known, tolerance, flags = concrete(span), concrete(rtol), concrete(run.flags)
-    tried = functools.reduce(operator.or_, [one.is_of(run, system) for one in errors])
-    tried |= _is_predictive(system)
-    if known is None or tolerance is None or flags is None or is_traced(tried):
+    known, tolerance = concrete(span), concrete(rtol)
+    tried = tried | _is_predictive(system)
+    if known is None or tolerance is None or is_traced(tried):
         much, some = (
             jnp.max(jnp.stack([one.after(span) / limit(jnp, rtol, one.rtol) for one in errors])) > 1
             for limit in (_allowed, _promised)
         )
         told = jnp.where(some & ~tried, int(Flag.UNTRIED), 0)
         much |= max(one.missed for one in errors) > MUCH * RESOLVED * jnp.asarray(rtol)
-        told = jnp.where(much, int(Flag.LEFT_OUT), told)
-        return dataclasses.replace(run, flags=run.flags | told)
+        return jnp.where(much, int(Flag.LEFT_OUT), told)
     much, some = (
         max(one.after(known) / limit(np, tolerance, one.rtol) for one in errors) > 1
         for limit in (_allowed, _promised)
     )
     # A loose tolerance resolves no small motion of one body.
     much |= max(one.missed for one in errors) > MUCH * RESOLVED * tolerance
-    flag = Flag.LEFT_OUT if much else Flag.UNTRIED if some and not tried else Flag.NONE
-    return dataclasses.replace(run, flags=as_jax(flags | int(flag))) if flag else run
+    return int(Flag.LEFT_OUT if much else Flag.UNTRIED if some and not tried else Flag.NONE)
 
 
 def _is_predictive(system: AbstractSystem) -> bool:
@@ -154,11 +182,8 @@ def _allowed(xp: Any, rtol: Any, measured: float) -> Any:
     return xp.maximum(_ALLOWED * xp.maximum(rtol, measured), _LEAST)
 
 
-def _errors(system: AbstractSystem, simulate: Simulate) -> tuple[TrainingError, ...]:
-    """The errors of a model, measured if nobody has; none of what is no model."""
-    training = training_of(system)
-    if training is None:
-        return ()
+def _errors(training: Training, simulate: Simulate) -> tuple[TrainingError, ...]:
+    """The errors of a model, measured if nobody has."""
     if training.errors is None:
         outside_of_traces(lambda: _measure(training, simulate))
     return training.errors or ()

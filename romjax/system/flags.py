@@ -20,6 +20,7 @@ class Flag(enum.IntFlag):
     ESTIMATE = 1024
     UNTRIED = 2048
     PHASE = 4096
+    UNMODELLED = 8192
 
 
 WORDS = {
@@ -38,5 +39,7 @@ WORDS = {
     "moves or bends, on the motions that it was made of",
     Flag.UNTRIED: "it is none of the motions that its model was made of, which errs by more on "
     "these than 30 rtol, and 1e-5; romjax.corrected tells its error",
+    Flag.UNMODELLED: "forces act on it that move the mechanism out of its model, by an estimate so "
+    "far that it errs by more than 100 rtol, and 1e-4; romjax.corrected tells its error",
     Flag.ESTIMATE: "the reduced run that it corrects is wrong by more than 5 %: not to be used",
 }

@@ -29,14 +29,16 @@ class Recipe(NamedTuple):
 
 class Training:
     """A reduced model as it was made, the `motions` that it was made of, and its `errors` on them,
-    None until somebody measures them. By the `recipe`, which is None where JAX traces, others keep
-    the models that they make of it.
+    None until somebody measures them. `leaves_out`: whether the mechanism has freedoms that the
+    model has not, None until somebody counts them. By the `recipe`, which is None where JAX traces,
+    others keep the models that they make of it.
     """
 
     def __init__(self, rom: Any, motions: tuple[Any, ...], recipe: Recipe | None) -> None:
         self.rom = rom
         self.motions = motions
         self.errors: tuple[Any, ...] | None = None if motions else ()
+        self.leaves_out: bool | None = None
         self.recipe = recipe
         self.finer: dict[int, tuple[Any, ...]] = {}
 
@@ -48,7 +50,7 @@ _trainings = IdentityCache()
 
 def remember_training(rom: S, basis: Basis, formulation: Any) -> S:
     """The same model, remembered with the motions that it was made of where these are known."""
-    error, motions = _error(rom), basis.snapshots.motions
+    error, motions = training_error(rom), basis.snapshots.motions
     if error is not None and basis.decomposition is not None:
         # What is remembered must not hold what it is remembered for.
         other = as_jax(np.array(error))
@@ -68,7 +70,7 @@ def _recipe(formulation: Any, snapshots: SnapshotSet) -> Recipe | None:
 
 def training_of(system: AbstractSystem) -> Training | None:
     """Return the training of a model; None if it is not known, and for other systems."""
-    error = _error(system)
+    error = training_error(system)
     training: Training | None = None if error is None else _trainings.get(error)
     return training
 
@@ -85,10 +87,10 @@ def describe_errors(training: Training | None, span: float) -> str:
 
 
 def forget_training(rom: AbstractSystem) -> None:
-    """Drop the known error of a model on its training, for callers that measure it anew."""
+    """Drop what is known of a model by its training, for callers that measure it anew."""
     training = training_of(rom)
     if training is not None:
-        training.motions, training.errors = (), ()
+        training.motions, training.errors, training.leaves_out = (), (), False
 
 
 def with_error(rom: S, error: float) -> S:
@@ -102,7 +104,7 @@ def with_error(rom: S, error: float) -> S:
     return same
 
 
-def _error(system: AbstractSystem) -> Any:
+def training_error(system: AbstractSystem) -> Any:
     """The array that stands for a model; None of what has none of its own."""
     error = getattr(system.validity, "error", None)
     return None if error is None or is_traced(error) else error
