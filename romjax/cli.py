@@ -101,7 +101,7 @@ def _run(options: argparse.Namespace) -> int:
             result, found, day = measured
             print(f"measured on {day} by the same command; --again measures anew")
         print(result.summary(options.all), flush=True)
-        drawn = report.draw(result, scene, example, folder, not options.no_animation, begin)
+        drawn = report.draw(result, scene, example, not options.no_animation, begin)
         if studied is not None:
             print(
                 "POD and SOD, in the formulations of the chapter ...", file=sys.stderr, flush=True

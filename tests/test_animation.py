@@ -493,11 +493,13 @@ def test_a_report_has_its_tables_where_its_film_fails(falling, tmp_path, monkeyp
     monkeypatch.setattr(report, "_page", lambda *_: "")
     result = types.SimpleNamespace(truth=falling, rows=[], runs=[])
     study, example = types.SimpleNamespace(bases={}), types.SimpleNamespace(name="bars")
-    drawn = report.draw(result, zoo.bars(), example, tmp_path, True, begin)
+    drawn = report.draw(result, zoo.bars(), example, True, begin)
+    (tmp_path / "report.html").write_text("of an older run")
     with pytest.raises(ChildProcessError, match="ended"):
         report.write(result, study, zoo.bars(), example, tmp_path, drawn, {})
     found = {path.name for path in tmp_path.iterdir()}
     assert found == {"report.html", "responses.png", "trajectory_full.csv"}
+    assert not (tmp_path / "report.html").read_text()
 
 
 # What does not fit.

@@ -19,7 +19,7 @@ from tolerances import SOLVED
 import romjax as rj
 from romjax import plot
 from romjax.assembly.outlines import outlines
-from romjax.pages.report import _write_csv
+from romjax.pages.report import _csv
 
 # Two degrees of freedom: a subspace takes two modes more for the curvature of the motion.
 RANKS = {"galerkin": 4, "minimal": 2}
@@ -141,7 +141,8 @@ def test_they_are_drawn(scene, motion, basis):
 def test_the_run_is_saved(motion, tmp_path):
     """As comma-separated columns, and as a pickle that compares equal."""
     _, run = motion
-    path = _write_csv(tmp_path / "run.csv", run, with_multipliers=True)
+    path = tmp_path / "run.csv"
+    path.write_text(_csv(run, with_multipliers=True))
     columns = np.loadtxt(path, delimiter=",", skiprows=1)
     parts = [np.asarray(x) for x in (run.t, run.q, run.v, run.multipliers)]
     wanted = np.concatenate([parts[0][:, None], *parts[1:]], axis=1)

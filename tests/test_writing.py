@@ -5,6 +5,7 @@ import contextlib
 import csv
 import errno
 import functools
+import io
 import os
 import re
 import resource
@@ -171,6 +172,44 @@ def test_whatever_ends_it_leaves_what_was_there(error, tmp_path):
     assert [file.read_bytes() for file in tmp_path.iterdir()] == [GOOD]
 
 
+@instant
+@pytest.mark.parametrize("error", [None, KeyboardInterrupt, OSError(errno.ENOSPC, "full")])
+def test_files_that_belong_together_come_together(error, tmp_path):
+    """Or none of them, and nothing hidden stays."""
+    names = ("page.html", "table.csv", "new.png")
+    paths = [tmp_path / name for name in names]
+    for path in paths[:2]:
+        path.write_bytes(GOOD)
+    expected = {path.name: GOOD for path in paths[:2]}
+    with contextlib.suppress(KeyboardInterrupt, OSError), writing.together():
+        for path in paths:
+            writing.write(path, b"new")
+        assert {path.name: path.read_bytes() for path in paths[:2]} == expected
+        assert not paths[2].exists()
+        if error is not None:
+            raise error
+    if error is None:
+        expected = dict.fromkeys(names, b"new")
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == expected
+
+
+def write_together(files):
+    with writing.together():
+        for path, content in files.items():
+            writing.write(path, content)
+
+
+@instant
+def test_a_full_disk_leaves_all_files_that_belong_together(tmp_path):
+    """Also those that were complete when there was no more room."""
+    first, second = tmp_path / "small.txt", tmp_path / "large.txt"
+    first.write_bytes(GOOD)
+    files = {first: "new", second: ROOM * "long"}
+    with full_disk(), pytest.raises(OSError, match="nothing was written.*large"):
+        write_together(files)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == {"small.txt": GOOD}
+
+
 def test_arrays_of_a_scene_are_never_those_of_another(tmp_path, monkeypatch):
     """A process that ends between the two files leaves a text with the arrays that it means; those
     that no text asks for any more go.
@@ -229,11 +268,9 @@ def test_names_keep_their_columns_and_make_no_formulas(tmp_path):
     assert len(path.read_bytes().split(b"\n")) == 4
 
 
-def test_trajectories_have_a_column_for_each_name(tmp_path):
+def test_trajectories_have_a_column_for_each_name():
     run = motion(rj.Scene([rj.RigidBody("a,b", 1.0, 1.0), rj.RigidBody("=c", 1.0, 1.0)]), count=3)
-    path = report._write_csv(tmp_path / "run.csv", run, with_multipliers=True)
-    with path.open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(file)
+    header, *rows = csv.reader(io.StringIO(report._csv(run, with_multipliers=True), newline=""))
     assert header[1:7] == ["a,b.x", "a,b.y", "a,b.phi", "'=c.x", "'=c.y", "'=c.phi"]
     found = np.array(rows, float)
     assert found.shape == (3, len(header))

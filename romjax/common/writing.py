@@ -1,6 +1,9 @@
-"""Files on disk: all of one or nothing, whenever the process ends or the disk is full."""
+"""Files on disk: all of one or nothing, whenever the process ends or the disk is full; and several
+that belong together.
+"""
 
 import contextlib
+import contextvars
 import errno
 import os
 import secrets
@@ -14,6 +17,10 @@ from pathlib import Path
 _PREFIX, _PART = ".romjax-", ".part"
 # Seconds after which nobody writes to such a file any more.
 _FORGOTTEN = 86_400.0
+# Complete files that wait for others, with where they go.
+_waiting: contextvars.ContextVar[list[tuple[Path, Path]] | None] = contextvars.ContextVar(
+    "waiting", default=None
+)
 
 
 def write(
@@ -29,13 +36,34 @@ def write(
 
 
 @contextlib.contextmanager
+def together() -> Iterator[None]:
+    """All files that are written in here take their places one right after the other, once the last
+    is complete; none does if anything fails until then.
+
+    A process that is killed leaves all old ones or all new ones, unless it is between two moves,
+    which take a fraction of a millisecond.
+    """
+    files: list[tuple[Path, Path]] = []
+    token = _waiting.set(files)
+    try:
+        yield
+        for part, target in files:
+            part.replace(target)
+    finally:
+        _waiting.reset(token)
+        for part, _ in files:
+            _forget(part)
+
+
+@contextlib.contextmanager
 def replacing(
     path: str | os.PathLike[str], *, mode: int = 0o666, lasting: bool = True
 ) -> Iterator[Path]:
     """A file to write to, which takes the place of the one at `path` once it is complete.
 
-    If anything fails until then, it goes, and what was at `path` stays. Of a link, the file that it
-    leads to is replaced. A device or a pipe is written to as it is.
+    If anything fails until then, it goes, and what was at `path` stays; within `together` it waits
+    for the others. Of a link, the file that it leads to is replaced. A device or a pipe is written
+    to as it is.
 
     **Arguments:**
 
@@ -56,15 +84,23 @@ def replacing(
         if lasting:
             with part.open("rb+") as stream:
                 os.fsync(stream.fileno())
-        part.replace(target)
+        if (waiting := _waiting.get()) is None:
+            part.replace(target)
+        else:
+            waiting.append((part, target))
     except OSError as error:
         if error.errno is None:  # of a library, in words of its own
             raise
         words = f"{error.strerror}; nothing was written, and a file that was there is as it was"
         raise OSError(error.errno, words, os.fspath(path)) from error
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        if not any(part == other for other, _ in _waiting.get() or []):
+            _forget(part)
+
+
+def _forget(part: Path) -> None:
+    with contextlib.suppress(OSError):
+        part.unlink(missing_ok=True)
 
 
 def forget_parts(folder: Path) -> None:

@@ -16,14 +16,19 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 def write(
     path: str | os.PathLike[str], header: Sequence[str], rows: Iterable[Sequence[Any]]
 ) -> None:
-    """Write a file with a line of names and one for each row; numbers have every digit.
+    """Write a file with the `text` of a table."""
+    writing.write(path, text(header, rows))
+
+
+def text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A line of names and one for each row; numbers have every digit.
 
     Texts that a spreadsheet would take for a formula begin with an apostrophe.
     """
     content = io.StringIO()
     writer = csv.writer(content, lineterminator="\n")
     writer.writerows([_cell(value) for value in row] for row in (header, *rows))
-    writing.write(path, content.getvalue())
+    return content.getvalue()
 
 
 def _cell(value: Any) -> Any:

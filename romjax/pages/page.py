@@ -68,10 +68,11 @@ def _setting(row: Row) -> str:
 def write(result: Accuracy, title: str, folder: Path) -> list[Path]:
     """Write the rows, the figure and the page into `folder`; returns the files."""
     table, figure, page = (folder / f"accuracy.{kind}" for kind in ("csv", "png", "html"))
-    csv_table.write(table, Row._fields, result.rows)
     picture = png(plot.accuracy(result), dpi=130)
-    writing.write(figure, picture)
-    writing.write(page, _page(result, title, picture))
+    with writing.together():
+        csv_table.write(table, Row._fields, result.rows)
+        writing.write(figure, picture)
+        writing.write(page, _page(result, title, picture))
     return [table, figure, page]
 
 

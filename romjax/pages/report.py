@@ -1,6 +1,7 @@
 """Report on the gain of reduction for a scene: one page, and the files that it is made of."""
 
 import contextlib
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,14 +41,13 @@ class Drawn(NamedTuple):
 
     pictures: dict[str, bytes]
     moving: Animation | None
-    filmed: Callable[[], Path] | None
+    filmed: Callable[[], bytes] | None
 
 
 def draw(
     result: Reductions,
     scene: Scene,
     example: Example,
-    folder: Path,
     animation: bool,
     begin: Begin | None = None,
 ) -> Drawn:
@@ -62,7 +62,7 @@ def draw(
             scene, *runs.values(), labels=list(runs), outputs=_PLOTTED, title=example.name
         )
         with contextlib.suppress(ChildProcessError):  # it will be made here
-            filmed = None if begin is None else begin(_film, moving, folder)
+            filmed = None if begin is None else begin(_film, moving)
     figures = {
         **({"reductions": plot.reductions(result)} if result.rows else {}),
         "responses": plot.response(truth, *approx.values(), labels=["full", *approx]),
@@ -90,24 +90,26 @@ def write(
     bases = _bases(result.truth) if study is None else study.bases
     pictures = {**drawn.pictures, **(of_bases(scene, bases) if of_study is None else of_study)}
     swinging = animate(scene, next(iter(bases.values()))) if moving and bases else None
-    page = folder / "report.html"
-    writing.write(page, _page(result, study, example, bases, pictures, (moving, swinging)))
-    written = [page]
-    for name, content in pictures.items():
-        written.append(folder / f"{name}.png")
-        writing.write(written[-1], content)
+    page = _page(result, study, example, bases, pictures, (moving, swinging))
+    contents: dict[str, str | bytes] = {"report.html": page}
+    contents |= {f"{name}.png": content for name, content in pictures.items()}
     for name, trajectory in {"full": truth, **approx}.items():
         words = name.replace("=", " ").replace(",", "").replace(" ", "_").lower()
-        path = folder / f"trajectory_{words}.csv"
-        written.append(_write_csv(path, trajectory, trajectory is truth))
-    # The last, so that all else is there should the other process have been ended.
-    if moving is not None:
-        written.append(_film(moving, folder) if drawn.filmed is None else drawn.filmed())
-    return written
+        contents[f"trajectory_{words}.csv"] = _csv(trajectory, trajectory is truth)
+    try:
+        if moving is not None:
+            contents["animation.gif"] = _film(moving) if drawn.filmed is None else drawn.filmed()
+    finally:  # all else, should the other process have been ended
+        with writing.together():
+            for name, content in contents.items():
+                writing.write(folder / name, content)
+    return [folder / name for name in contents]
 
 
-def _film(moving: Animation, folder: Path) -> Path:
-    return moving.save(folder / "animation.gif", fps=20, progress=False)
+def _film(moving: Animation) -> bytes:
+    """The content of a GIF, which another process hands to the one that writes all files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return moving.save(Path(folder) / "film.gif", fps=20, progress=False).read_bytes()
 
 
 def of_bases(scene: Scene, bases: Mapping[str, Basis]) -> dict[str, bytes]:
@@ -169,7 +171,7 @@ def _page(
     return document.document(example.name, *body)
 
 
-def _write_csv(path: Path, trajectory: Trajectory, with_multipliers: bool) -> Path:
+def _csv(trajectory: Trajectory, with_multipliers: bool) -> str:
     """Time, coordinates and velocities as comma-separated columns with a header; and multipliers,
     which are a program for each model that takes longer to compile than all figures to draw.
     """
@@ -178,5 +180,4 @@ def _write_csv(path: Path, trajectory: Trajectory, with_multipliers: bool) -> Pa
     if with_multipliers:
         labels += [f"lambda{i + 1}" for i in range(trajectory.multipliers.shape[1])]
         columns.append(trajectory.multipliers)
-    csv_table.write(path, labels, np.concatenate(columns, axis=1).tolist())
-    return path
+    return csv_table.text(labels, np.concatenate(columns, axis=1).tolist())
