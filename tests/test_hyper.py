@@ -4,6 +4,7 @@ import dataclasses
 import functools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
@@ -15,6 +16,7 @@ import romjax as rj
 from romjax.compiling import jaxprs
 from romjax.linalg.branches import Branches, Forest, inverted
 from romjax.reduction.charts import choose
+from romjax.scene.counted_angle import counted_angle
 
 TS = np.linspace(0.0, 0.5, 41)
 COUNT = 16
@@ -191,6 +193,25 @@ def test_what_no_snapshot_shows_is_not_linear():
 
     torque = -2.0 * 2.0 - 100.0 * (2.0 - 1.6) - 0.3 * np.tanh(1.0)
     assert_close(power(2 * turn, 1e-3 * turn) / 1e-3, torque, IDENTITY, 100.0)
+
+
+class Bumper(rj.TorsionSpring):
+    """A spring of the user's own, which acts on one side and does not say that it begins."""
+
+    def energy(self, t, *poses):
+        beyond = counted_angle(*poses) - self.rest_angle
+        return 0.5 * self.stiffness * jnp.maximum(beyond, 0) ** 2
+
+
+def test_what_few_snapshots_show_is_not_linear():
+    bar = rj.RigidBody("bar", 1.0, 1.0, angle=1.0, angular_velocity=1.0)
+    ends = bar.at(), rj.ground.at()
+    effects = [rj.TorsionSpring(*ends, 2.0), Bumper(*ends, 100.0, 1.47)]
+    full = rj.assemble(rj.Scene([bar], [rj.Revolute(*ends)], effects))
+    turn = np.array([0.0, 0.0, 1.0])
+    run = through(full, TS, np.outer(1 + TS, turn), np.outer(np.ones_like(TS), turn))
+    rom = rj.reduce(full, rj.pod(run, rank=1), "hyper")
+    assert (rom.sample.linear, rom.sample.others) == ((0,), (1,))
 
 
 @pytest.mark.slow

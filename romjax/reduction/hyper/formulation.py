@@ -114,7 +114,7 @@ class HyperReduced(AbstractFormulation):
     ) -> Sample:
         full = assembled("Hyper", exact)
         tables = [group.coordinates.array.astype(int) for group in full.bodies]
-        linear = linear_effects(full, lift, jnp.asarray(z[:: len(z) // 3]))
+        linear = linear_effects(full, lift, jnp.asarray(z))
         others = tuple(i for i in range(len(full.effects)) if i not in linear)
         loaded = _loaded(full, others)
         terms = body_terms(exact, jnp.asarray(z), jnp.asarray(w))

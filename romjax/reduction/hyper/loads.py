@@ -61,9 +61,10 @@ class LinearLoads(eqx.Module):
 def linear_effects(
     system: AssembledSystem, lift: ClosedFormLift, z: Float[Array, "K r"]
 ) -> tuple[int, ...]:
-    """Numbers of the groups of effects that are linear, judged at zero and at several other z.
+    """Numbers of the groups of effects that are linear, judged at zero and at all given z.
 
-    Effects that may begin are not, since those z may all lie where they do not act.
+    Effects that may begin are not, since those z may all lie where they do not act; of the user's
+    own, which may act at some of these only, nobody says so.
     """
     # At zero they are linearized; friction that is saturated at all others is not linear there.
     z = jnp.concatenate([jnp.zeros_like(z[:1]), z])
