@@ -353,6 +353,7 @@ def test_numbers_are_named():
         (lambda x, y: number(x).astype(jnp.int32) << 3, "`shift_left` of numbers of type int32"),
         (lambda x, y: number(x).astype(jnp.uint64) - 3, "`sub` of numbers of type uint64"),
         (lambda x, y: lax.bitcast_convert_type(x, jnp.uint64), "the bits of a number as uint64"),
+        (lambda x, y: jax.grad(lambda x: jnp.sum(halving(x, y)[1]))(x), "`f` is the derivative"),
         (lambda x, y: jax.random.normal(jax.random.key(number(x)), (3,)), "random numbers"),
         (lambda x, y: jax.pure_callback(np.sin, x, x), "`pure_callback`"),
     ],

@@ -132,7 +132,16 @@ def _written(
         names[:] = results
         return [jnp.asarray(x, jnp.float64) for x in results.values()]
 
-    closed = compat.of_plain_operations(jax.make_jaxpr(traced)(*shapes))
+    try:
+        closed = compat.of_plain_operations(jax.make_jaxpr(traced)(*shapes))
+    except ValueError as error:
+        if "Reverse-mode" not in str(error):  # JAX's words name no function that is emitted
+            raise
+        refuse(
+            f"`{name}` is the derivative in reverse mode of a loop whose end depends on the state",
+            "give it a known number of turns by jax.lax.fori_loop or scan, or take romjax.compile, "
+            "which has derivatives in forward mode alone",
+        )
     writer = Writer(name, most, unrolled)
     arithmetic = Arithmetic(writer)
     program = Control(writer, arithmetic, Arrays(arithmetic))
