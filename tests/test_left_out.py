@@ -150,7 +150,7 @@ ASKED = [
     (bending_crank, "minimal", 2, True),
     (bending_crank, "minimal", 3, False),
     (zoo.falling_beams, "minimal", 5, True),
-    (zoo.falling_beams, "local", 4, False),
+    (zoo.falling_beams, "local", 6, False),
     (zoo.four_bar, "minimal", 1, False),
     (zoo.bars, "minimal", 1, True),
     (zoo.bars, "hyper", 2, False),
