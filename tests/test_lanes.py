@@ -56,6 +56,20 @@ def test_the_same_results(axis):
         assert_close(own, other, IDENTITY)
 
 
+def sum_of_many_digits(a):
+    a = marked(a)
+    return jax.lax.dot(a, a.T, preferred_element_type=jnp.float64)
+
+
+def test_products_are_summed_in_the_digits_that_are_asked_for():
+    given = A.astype(np.float32)
+    last = lanes.held_last(jaxprs.merged(jax.make_jaxpr(jax.vmap(sum_of_many_digits))(given)))
+    (found,) = jax.jit(functools.partial(jaxprs.evaluate, last))([given])
+    assert found.dtype == np.float64
+    wide = given.astype(float)
+    assert_close(found, wide @ wide.swapaxes(1, 2), IDENTITY)
+
+
 def test_loops_run_over_lanes():
     plain, last = batches()
     for closed, first in ((plain, True), (last, False)):

@@ -168,8 +168,12 @@ def _product(equation: Any, given: Sequence[Held]) -> list[Held] | None:
         return lax.broadcast_in_dim(array, shape, [places[i] for i in by_place])
 
     a, b = (spread(*pair) for pair in zip(given, names, strict=True))
-    total = jnp.sum(a * b, axis=tuple(range(len(results) - 1, len(order) - 1)))
-    return [Held(total.astype(equation.outvars[0].aval.dtype), results.index(lanes))]
+    dtype = equation.outvars[0].aval.dtype
+    # A result may be asked for in more digits than the factors have.
+    wide = jnp.result_type(a, b, dtype)
+    products = a.astype(wide) * b.astype(wide)
+    total = jnp.sum(products, axis=tuple(range(len(results) - 1, len(order) - 1)))
+    return [Held(total.astype(dtype), results.index(lanes))]
 
 
 _NAMES = (
