@@ -283,6 +283,11 @@ def test_the_error_is_that_of_positions():
     q[:, 0] = other[:, 0] = 7.0
     assert_allclose(left_out._history(structure, q, other), [0.0, 1.0, 1.0])
     assert_allclose(left_out._history(structure, q[:1], other[:1]), [0.0])
+    # Rounding of a mechanism at rest is none, and a model that moves errs by what it moves.
+    rest, noise = np.ones((3, 9)), np.zeros((3, 9))
+    noise[1:] = 1e-15
+    assert_allclose(left_out._history(structure, rest + noise, rest), 0.0, atol=1e-14)
+    assert_allclose(left_out._history(structure, rest, rest + 1e15 * noise), [0.0, 0.5, 0.5])
 
 
 @pytest.mark.instant

@@ -2,17 +2,20 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import zoo
+from comparison import assert_close
 from groups import in_groups
 from test_monitors import Last
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.reduction.lift.atlas import AtlasLift
+from romjax.system.base import beginning_at
 
 RANKS = {"galerkin": 5, "minimal": 3}
 FORMULATIONS = {"galerkin": rj.Galerkin, "minimal": rj.Minimal}
@@ -167,6 +170,62 @@ def test_a_gradient_through_another_system(models):
     check = rj.check_gradient(angle, 16.0)
     assert check.error <= DIFFERENCED, f"\n{check}"
     assert abs(float(check.reverse)) >= 1e-6
+
+
+@IN_A_CHART
+def test_another_system_begins_where_it_does(model, motion):
+    """And a start that was given stays as far from that of the system."""
+    _, rom = model
+    system = varied()
+    there = beginning_at(system, motion.q[40], motion.v[40])
+    moved, wanted = rom.with_full(there), rom.with_full(system).starting_at(there.q0, there.v0)
+    later = rom.starting_at(motion.q[20], motion.v[20], motion.t[20])
+    for one, other in ((moved, wanted), (later.with_full(rom.full), later)):
+        assert_close(one.q0, other.q0, SOLVED)
+        assert_close(one.v0, other.v0, SOLVED)
+    assert float(later.with_full(there).time) == motion.t[20]
+    assert largest(moved.q0 - rom.q0) >= 1e-3
+
+
+def four_bar_of(b, c, D):
+    points = {"A": (0, 0), "b": b, "c": c, "D": D}
+    return rj.assemble(zoo.linkage(points, [("A", "b"), ("b", "c"), ("D", "c")], {}, gravity=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("formulation", ["joint", "minimal"])
+def test_other_lengths_begin_where_they_are_put_together(formulation):
+    """Where the first mechanism starts, the motion is another one, by 0.7 of its size."""
+    first = four_bar_of((0.3, 0.9), (1.8, 1.3), (2.0, 0))
+    other = four_bar_of((0.35, 0.95), (1.9, 1.2), (2.1, 0))
+    ts = np.linspace(0.0, 0.75, 31)
+    basis = None
+    if formulation == "minimal":
+        basis = rj.Minimal().basis(first, zoo.run(first, ts, rtol=1e-8), rj.POD(rank=1))
+    rom, truth = rj.reduce(first, basis, formulation), zoo.run(other, ts, rtol=1e-8)
+
+    def moved(other):
+        return zoo.run(rom.with_full(other), ts, rtol=1e-8, throw=False)
+
+    for run in (moved(other), eqx.filter_jit(moved)(other)):
+        error = float(rj.compare(truth, run).error)
+        assert error <= 1e-6, f"{error:.1e}"
+
+
+@pytest.mark.slow
+def test_starts_in_space_are_moved_by_turns():
+    """Quaternions stay of unit length, and orthogonal to their rates."""
+    first = rj.assemble(rj.gallery.spinning_top())
+    run = zoo.run(first, np.linspace(0.0, 0.02, 3))
+    there, rom = beginning_at(first, run.q[2], run.v[2]), rj.reduce(first, formulation="joint")
+    moved, later = rom.with_full(there), rom.starting_at(run.q[2], run.v[2])
+    beyond = later.with_full(there)
+    for one, other in ((moved, later), (later.with_full(first), later)):
+        assert_close(one.q0, other.q0, SOLVED)
+        assert_close(one.v0, other.v0, SOLVED, largest(other.v0))
+    assert largest(moved.q0 - rom.q0) >= 1e-1
+    assert_close(jnp.linalg.norm(beyond.q0), 1.0, SOLVED)
+    assert_close(beyond.q0 @ beyond.v0, 0.0, SOLVED, largest(beyond.v0))
 
 
 def test_a_system_of_another_size_is_refused(model):

@@ -258,11 +258,16 @@ def _hidden(structure: Structure, motion: Trajectory, run: Trajectory) -> tuple[
 
 
 def _history(structure: Structure, q: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the largest difference so far over the longest way so far, at each time."""
+    """Return the largest difference so far over the longest way so far, at each time; of a
+    mechanism that rests, over where it is.
+    """
     q, other = _alike(structure, q, other)
     ways, apart = np.abs(q - q[:1]), np.abs(other - q)
     moves = np.max(ways, axis=0) > _REST * (1 + np.max(np.abs(q), axis=0))
     places = np.ravel(structure.positions)
+    if not np.any(moves):
+        # Rounding is no way that errors are relative to.
+        return np.maximum.accumulate(np.max(apart / (1 + np.abs(q)), axis=1))
     columns = places if np.any(moves[places]) else np.arange(q.shape[1])
     way, off = (np.maximum.accumulate(np.max(x[:, columns], axis=1)) for x in (ways, apart))
     return np.where(way > 0, off / np.where(way > 0, way, 1), 0)

@@ -39,7 +39,8 @@ def reduce(
     """The system in the coordinates of a basis, or exactly in those of its joints.
 
     It starts where the snapshots start, or with modes of one's own where the system does;
-    `starting_at` gives another start, and `with_full` the same reduction of other numbers.
+    `starting_at` gives another start, and `with_full` the same reduction of other numbers, from the
+    start of that system.
 
     **Arguments:**
 

@@ -14,7 +14,7 @@ from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..scene.coordinate import Coordinate
 from ..system.base import AbstractSystem, AbstractValidity
-from ..system.reduced import AbstractReducedSystem, check_alike, started
+from ..system.reduced import AbstractReducedSystem, check_alike, moved_start, started
 from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
 from .lift.atlas import AtlasLift
@@ -106,7 +106,11 @@ class ReducedSystem(AbstractReducedSystem):
     def with_full(self, full: AbstractSystem) -> "ReducedSystem":
         check_alike(self.full, full)
         rom = dataclasses.replace(self, full=full, lift=self.lift.with_full(full))
-        return started(rom, self.q0, self.v0, self.time)
+        if not has_charts(self):
+            return started(rom, *moved_start(self, rom), self.time)
+        # No other chart has the same coordinates.
+        q, v = self.reconstruct(self.time, self.q0, self.v0)
+        return rom.starting_at(q + (full.q0 - self.full.q0), v + (full.v0 - self.full.v0))
 
 
 def has_charts(system: AbstractSystem) -> bool:

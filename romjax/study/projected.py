@@ -14,7 +14,7 @@ from ..linalg.dense import multiply
 from ..linalg.kkt import KKT
 from ..reduction.formulation.base import AbstractFormulation, start
 from ..system.base import AbstractSystem, AbstractValidity
-from ..system.reduced import AbstractReducedSystem, Physical, Reduced
+from ..system.reduced import AbstractReducedSystem, Physical, Reduced, moved_start
 from ..system.stabilization import Baumgarte
 from ..system.state import AbstractState, Energy, Power
 from ..system.structure import Structure
@@ -82,7 +82,9 @@ class ProjectedSystem(AbstractReducedSystem):
     summary: str = eqx.field(static=True)
 
     def with_full(self, full: AbstractSystem) -> "ProjectedSystem":
-        return dataclasses.replace(self, full=full)
+        rom = dataclasses.replace(self, full=full)
+        z, w = moved_start(self, rom)
+        return dataclasses.replace(rom, q0=z, v0=w)
 
     def reconstruct(self, t: Time, q: Reduced, v: Reduced) -> tuple[Physical, Physical]:
         del t

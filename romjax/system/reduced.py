@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..common import precision
@@ -14,6 +15,7 @@ from ..common.arrays import Time, Vector, as_array, concrete
 from ..common.checks import check_order
 from ..common.errors import InputError, ReductionError
 from ..compiling.program import program_once
+from ..linalg import quaternions
 from .base import AbstractSystem
 from .consistent import consistent
 from .constraints import differentiate
@@ -80,10 +82,11 @@ class AbstractReducedSystem(AbstractSystem):
 
     @abc.abstractmethod
     def with_full(self, full: AbstractSystem) -> "AbstractReducedSystem":
-        """The same reduction of a system with other numbers, from the same reduced start, put on
-        its constraints. Works under `jit`, `grad` and `vmap`.
+        """The same reduction of a system with other numbers, from that one's own start: from one
+        that was given by `starting_at`, or by snapshots, it is moved by as much as the starts of
+        both systems are apart. It is put on the constraints. Works under `jit`, `grad` and `vmap`.
 
-        Raises ReductionError if the coordinates differ.
+        Raises ReductionError if the coordinates differ, or if there is no start.
         """
 
 
@@ -112,6 +115,16 @@ def check_alike(full: AbstractSystem, other: AbstractSystem) -> None:
     check_order("with_full", full.structure.labels, other.structure.labels, ReductionError)
 
 
+def moved_start(before: R, after: R) -> tuple[Reduced, Reduced]:
+    """The start of a model `after` its full system was exchanged: as far from where that one starts
+    as it was `before` from where the other starts.
+    """
+    own, there = (x.restrict(x.full.q0, x.full.v0) for x in (before, after))
+    given = (before.q0, before.v0), own, there
+    moved: tuple[Reduced, Reduced] = _moved(*given, after.structure.quaternions)
+    return moved
+
+
 def started(system: R, z: Reduced, w: Reduced, t: Vector) -> R:
     """The system with the start z, w at t [s], put on its constraints; raises ReductionError if it
     cannot be.
@@ -126,6 +139,13 @@ def start_of(
     system: AbstractSystem, z: Reduced, w: Reduced, t: Float[Array, ""]
 ) -> tuple[Reduced, Reduced]:
     """The reduced start z, w at t, on the constraints; raises ReductionError if it cannot be."""
+    known = concrete(z)
+    if known is not None and not np.all(np.isfinite(known)):
+        raise ReductionError(
+            "The reduced model has no start there: none of its configurations is that of the full "
+            "system, whose joints it may not be able to close with these numbers; make a model of "
+            "a run of that system."
+        )
     if system.m == 0:
         return z, w
     violation = concrete(_largest_violation(system, t, z, w))
@@ -144,6 +164,26 @@ def _largest_violation(
     """Return the largest violation of a constraint or of its rate."""
     state = differentiate(system.constraint, t, z, w)
     return jnp.max(jnp.abs(jnp.stack([state.violation, state.rate])))
+
+
+@program_once
+def _moved(
+    start: tuple[Reduced, Reduced],
+    own: tuple[Reduced, Reduced],
+    there: tuple[Reduced, Reduced],
+    turns: tuple[int, ...],
+) -> tuple[Reduced, Reduced]:
+    """There, and beyond by what the start is away from `own`; `turns`: where quaternions begin."""
+    z, w = (other + (x - y) for other, x, y in zip(there, start, own, strict=True))
+    if not turns:
+        return z, w
+    table = quaternions.columns(turns)
+    (p, rate), (q, other), (r, last) = ([x[table] for x in pair] for pair in (start, own, there))
+    turned = quaternions.product(r, quaternions.product(quaternions.conjugate(q), p))
+    # At rest beside each other, and with the same angular velocity, they stay so.
+    speeds = [quaternions.angular_velocity(*x) for x in ((r, last), (p, rate), (q, other))]
+    spun = quaternions.derivative(turned, speeds[0] + speeds[1] - speeds[2])
+    return z.at[table].set(turned), w.at[table].set(spun)
 
 
 @program_once

@@ -15,7 +15,7 @@ from ...common.arrays import Time
 from ...linalg.dense import multiply
 from ...linalg.kkt import KKT
 from ...system.base import AbstractSystem, AbstractValidity
-from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike
+from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, moved_start
 from ...system.state import AbstractState, Energy, Power
 from ...system.structure import Structure
 from ..lift.base import Motion
@@ -112,9 +112,10 @@ class HyperReducedSystem(AbstractReducedSystem):
     def with_full(self, full: AbstractSystem) -> "HyperReducedSystem":
         check_alike(self.full, full)
         full = assembled("with_full", full)
-        start = self.q0, self.v0, self.time
-        known = self.validity, self.structure, self.summary
-        return self.of(full, self.lift.with_full(full), self.sample, start, *known)
+        known, lift = (self.validity, self.structure, self.summary), self.lift.with_full(full)
+        rom = self.of(full, lift, self.sample, (self.q0, self.v0, self.time), *known)
+        z, w = moved_start(self, rom)
+        return dataclasses.replace(rom, q0=z, v0=w)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,7 +15,14 @@ from ...common.arrays import Number, Time, Vector, as_array
 from ...common.compat import is_traced
 from ...compiling.program import program_once
 from ...system.base import AbstractSystem, AbstractValidity
-from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, started
+from ...system.reduced import (
+    AbstractReducedSystem,
+    Physical,
+    Reduced,
+    check_alike,
+    moved_start,
+    started,
+)
 from ...system.structure import Structure
 from .along import AlongJoints
 from .counters import check_rotors, counters_of
@@ -113,7 +120,7 @@ class JointSystem(AbstractReducedSystem):
         # While JAX traces, as many rows repeat others as before.
         cut = dataclasses.replace(cut, rank=self.cut.rank)
         rom = dataclasses.replace(self, full=other, lift=lift, cut=cut, along=along)
-        rom = started(rom, self.q0, self.v0, self.time)
+        rom = started(rom, *moved_start(self, rom), self.time)
         if is_traced(rom.q0):
             return rom
         check_rotors(other, rom.lift, rom.q0)

@@ -20,7 +20,14 @@ from ...scene.body.bending import AbstractBendingBody
 from ...scene.body.reduced import ReducedBody
 from ...scene.scene import Scene
 from ...system.base import AbstractSystem, AbstractValidity
-from ...system.reduced import AbstractReducedSystem, Physical, Reduced, check_alike, start_of
+from ...system.reduced import (
+    AbstractReducedSystem,
+    Physical,
+    Reduced,
+    check_alike,
+    moved_start,
+    start_of,
+)
 from ...system.state import AbstractState, Energy, Power
 from ...system.structure import Structure
 from .bases import BodyBases
@@ -108,7 +115,7 @@ class LocalSystem(AbstractReducedSystem):
         check_alike(self.full, full)
         full = assembled("with_full", full)
         rom = dataclasses.replace(self, full=full, reduced=_with_bases(full, self.bases))
-        return rom._starting_at(self.q0, self.v0)
+        return rom._starting_at(*moved_start(self, rom))
 
     def _starting_at(self, z: Reduced, w: Reduced, t: Vector | None = None) -> "LocalSystem":
         time = self.time if t is None else jnp.asarray(t, z.dtype)
