@@ -15,8 +15,10 @@ from .chart import Chart
 
 # Steps of Newton's method, each with its own matrix.
 _STEPS = 8
-# Points of the way from where another system starts to the first snapshot.
+# Points of the way from where another system starts to the first snapshot, and the number of those
+# that Newton's method may start from.
 _POINTS = 32
+WAY = 4
 
 
 class Guesses(NamedTuple):
@@ -31,11 +33,16 @@ class Guesses(NamedTuple):
     pace: Float[Array, ""]  # of d along the drives; zero without any
 
 
+def with_way(x: Float[Array, "K ..."]) -> Float[Array, "W ..."]:
+    """What snapshots have, after as many copies of the first as there are points of a way to it."""
+    return jnp.concatenate([jnp.repeat(x[:1], WAY, axis=0), x])
+
+
 @program_once
 def guesses_of(
     chart: Chart, guesses: Guesses, full: AbstractSystem, from_start: bool
-) -> tuple[Float[Array, "K m"], Float[Array, "K m m"]]:
-    """The d and (C_q W)⁻¹ of another system at the same z.
+) -> tuple[Float[Array, "W r"], Float[Array, "W m"], Float[Array, "W m m"]]:
+    """The z, d and (C_q W)⁻¹ of another system on the way to the snapshots, and at the z of these.
 
     Other drives put a mechanism somewhere else at the same time, many turns from it after a while;
     other clamps do so from the start on, to which the way from where the other system starts is
@@ -70,10 +77,20 @@ def guesses_of(
     # Without drives the guesses of the other system are as good as they were, where no way leads
     # from its start to them.
     count = len(d) - len(guesses.d)
-    moves = (guesses.pace > 0) | (jnp.all(converged[:count]) & from_start)
-    d = jnp.where((converged[count:] & moves)[:, None], d[count:], guesses.d)
-    q = jax.vmap(configuration)(guesses.z, d)
-    return d, chart.dependent_inverses(full, guesses.times, q)
+    leads = jnp.all(converged[:count]) & from_start
+    moved = (converged[count:] & ((guesses.pace > 0) | leads))[:, None]
+    places, others = guesses.z, jnp.where(moved, d[count:], guesses.d)
+    if from_start:
+        # Near where the other system starts no snapshot need be.
+        ways = [x[: count : count // WAY] for x in (passed[2], d)]
+        places, others = (
+            jnp.concatenate([jnp.where(leads, ahead, x[:1]), x])
+            for ahead, x in zip(ways, (places, others), strict=True)
+        )
+    else:
+        places, others = with_way(places), with_way(others)
+    times, q = with_way(guesses.times), jax.vmap(configuration)(places, others)
+    return places, others, chart.dependent_inverses(full, times, q)
 
 
 def _nearest_signs(full: AbstractSystem, other: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -23,6 +23,7 @@ from ..charts.atlas import Atlas, choose_atlas
 from ..charts.chart import Chart
 from ..charts.choose import WORST_CONDITION, choose_chart
 from ..charts.follow import Way
+from ..charts.guesses import with_way
 from ..charts.survey import mass_at
 from ..lift.atlas import AtlasLift
 from ..lift.closed_form import ClosedFormLift
@@ -196,7 +197,8 @@ def _lift_from(
     drives = jax.vmap(lambda t, q: chart.drives(system, t, q))(t, q)
     # The rate at which drives alone move d is (C_q W)⁻¹ C_t, here in the mean square.
     pace = jnp.sqrt(jnp.mean(jnp.sum(jnp.einsum("kij,kj->ki", inverses, drives) ** 2, axis=1)))
-    return ImplicitLift(offset, modes, dual, z, guesses, t, inverses, pace, chart)
+    known = with_way(z), with_way(guesses), with_way(t), with_way(inverses)
+    return ImplicitLift(offset, modes, dual, *known, pace, chart)
 
 
 @program_once

@@ -15,7 +15,7 @@ from ...linalg.dense import improve_inverse, multiply, solve_by_inverse, solve_b
 from ...system.base import AbstractSystem
 from ...system.constraints import differentiate
 from ..charts.chart import Chart
-from ..charts.guesses import Guesses, guesses_of
+from ..charts.guesses import WAY, Guesses, guesses_of
 from .base import AbstractLift, Motion, Physical, Reduced
 
 # Most matrices of Newton's method, and most steps with each, while each of these is shorter by this
@@ -41,7 +41,7 @@ class ImplicitLift(AbstractLift):
     offset: Float[Array, " n"]  # q̄
     modes: Float[Array, "n r"]  # Y Φ
     dual: Float[Array, "r n"]  # z of a displacement
-    snapshots: Float[Array, "K r"]  # z of snapshots,
+    snapshots: Float[Array, "K r"]  # z of the way to the snapshots, and of these,
     guesses: Float[Array, "K m"]  # d,
     times: Float[Array, " K"]  # t,
     inverses: Float[Array, "K m m"]  # and (C_q W)⁻¹ at these
@@ -84,10 +84,10 @@ class ImplicitLift(AbstractLift):
         """The same lift for a system with other numbers, whose bodies may be far from where the
         snapshots are: they are followed there `from_start`, the other system's own.
         """
-        known = self.snapshots, self.guesses, self.times
+        known = self.snapshots[WAY:], self.guesses[WAY:], self.times[WAY:]
         guesses = Guesses(self.offset, self.modes, self.dual, *known, self.pace)
-        d, inverses = guesses_of(self.chart, guesses, full, from_start)
-        return dataclasses.replace(self, guesses=d, inverses=inverses)
+        z, d, inverses = guesses_of(self.chart, guesses, full, from_start)
+        return dataclasses.replace(self, snapshots=z, guesses=d, inverses=inverses)
 
     def _solve(
         self, full: AbstractSystem, t: Time, z: Reduced
