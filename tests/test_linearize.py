@@ -1,5 +1,7 @@
 """Linear models against finite differences of runs."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 import scipy.linalg
 import zoo
 from comparison import assert_close
-from tolerances import DIFFERENCED, IDENTITY
+from tolerances import DIFFERENCED, IDENTITY, SOLVED
 
 import romjax as rj
 from romjax.analysis.linearization import force_of
@@ -205,3 +207,28 @@ def test_full_and_reduced(system, model):
 def test_an_unknown_label(system):
     with pytest.raises(rj.InputError, match="cart.z"):
         rj.linearize(system, {}, ["cart.z"])
+
+
+def felt(system, t, q, v):
+    """The acceleration of the cart."""
+    return system.acceleration(t, q, v)[0][0]
+
+
+@pytest.mark.parametrize("verb", ["linearize", "export.c"])
+def test_accelerations_that_inputs_change_are_refused(system, verb, tmp_path):
+    """A function of (t, q, v) does not know the push, so that it has none of its row of D."""
+    given = {"push": PUSH}, {"felt": functools.partial(felt, system)}
+    ask = rj.linearize if verb == "linearize" else functools.partial(into, tmp_path)
+    with pytest.raises(rj.InputError, match=rf"{verb}: an output asks for accelerations"):
+        ask(system, *given)
+
+
+def into(path, system, inputs, outputs):
+    return rj.export.c(system, path, inputs=inputs, outputs=outputs)
+
+
+def test_accelerations_without_inputs(system):
+    """They are rates of speeds, whose rows of C they have along A."""
+    outputs = {"felt": functools.partial(felt, system), "speed": "cart.x'"}
+    model = rj.linearize(system, {}, outputs)
+    assert_close(model.C[0], model.C[1] @ model.A, SOLVED, np.max(np.abs(model.A)))

@@ -1,6 +1,7 @@
 """Linear models of a mechanism, for control."""
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -21,7 +22,7 @@ from ..measure.quantity import AbstractQuantity, Coordinate
 from ..scene.coordinate import INTEGRAL
 from ..scene.effect.base import AbstractMarkerEffect
 from ..scene.signal import Constant, is_signal, signals_of
-from ..system.base import AbstractSystem, check_system
+from ..system.base import AbstractSystem, check_system, refusing_accelerations
 from .independent import independent_constraints
 from .tangent import refuse_clocks, refuse_slips, tangent_of
 
@@ -84,8 +85,9 @@ def linearize(
       angle that counts full turns in space, no turn is counted.
     - `outputs`: labels of physical coordinates, "cart.x", and of their rates, "cart.x'"; or by
       name, such labels, quantities of `romjax.quantity`, or functions (t, q, v) of physical
-      coordinates that return a number. None of these knows the inputs, so that D is zero: an
-      acceleration has the rows C A and C B of its rate, "cart.x'".
+      coordinates that return a number. None of these knows the inputs, so that D is zero, and
+      `system.acceleration` is refused in them: about a state at rest, an acceleration has the rows
+      C A and C B of its rate, "cart.x'".
     - `at`, `v` (n,): the state, that of the system at rest at its start unless given, such as
       `equilibrium(system)`. Unless `v` is given, such as `v=system.v0` at the start, drives stand
       where they are at time `t` [s].
@@ -97,8 +99,9 @@ def linearize(
     states.
 
     Differentiable and batchable. Raises InputError for a wrong shape or an unknown name, for a
-    state that the joints contradict, for an input whose signal changes with time, and for
-    controllers with a clock, whose laws no equation of motion has.
+    state that the joints contradict, for an input whose signal changes with time, for accelerations
+    as outputs beside inputs, and for controllers with a clock, whose laws no equation of motion
+    has.
     """
     check_system("linearize", system)
     refuse_clocks("linearize", system)
@@ -183,7 +186,7 @@ def _matrices(
 
     def measured(q: Array, v: Array) -> Array:
         state = system.state(t, q, v)
-        values = [value_of(system.full, what, t, state.q, state.v) for what in outputs]
+        values = values_of("linearize", system.full, outputs, t, state.q, state.v, bool(inputs))
         return jnp.stack(values) if values else jnp.zeros(0, q.dtype)
 
     by_q, by_v = jax.jacfwd(measured, argnums=(0, 1))(q, v)
@@ -202,8 +205,24 @@ def _matrices(
     return tangent.matrix[kept][:, kept], b[kept], c[:, kept], direct, basis[:, : d - count]
 
 
-def value_of(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> Array:
-    """The value of an output at a physical state of the full system."""
+def values_of(
+    owner: str,
+    full: AbstractSystem,
+    outputs: Iterable[Output],
+    t: Array,
+    q: Array,
+    v: Array,
+    pushed: bool,
+) -> list[Array]:
+    """The values of outputs at a physical state of the full system, which inputs push or not.
+
+    Raises InputError, beginning with `owner`, for accelerations of one that is `pushed`.
+    """
+    with refusing_accelerations(owner) if pushed else contextlib.nullcontext():
+        return [_value_of(full, what, t, q, v) for what in outputs]
+
+
+def _value_of(full: AbstractSystem, what: Output, t: Array, q: Array, v: Array) -> Array:
     if isinstance(what, str):
         what = Coordinate(what)
     if isinstance(what, AbstractQuantity):

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..analysis.linearization import Input, Output, force_of, value_of
+from ..analysis.linearization import Input, Output, force_of, values_of
 from ..assembly.assembled import controllers_of
 from ..common.checks import check_kind
 from ..common.errors import InputError
@@ -88,9 +88,8 @@ class Model(NamedTuple):
         del u
         system, q, v = self.at(x, p)
         state = system.state(t, q, v)
-        values = [
-            value_of(system.full, what, t, state.q, state.v) for what in self.outputs.values()
-        ]
+        given = self.verb, system.full, self.outputs.values(), t, state.q, state.v
+        values = values_of(*given, bool(self.inputs))
         return jnp.stack([jnp.reshape(x, ()) for x in values]) if values else x[:0]
 
     def lifted(self, t: Array, x: Array, u: Array, p: Array) -> Array:

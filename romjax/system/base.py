@@ -1,7 +1,10 @@
 """The system: how a mechanism moves. Full, user-made and reduced ones are all of this kind."""
 
 import abc
+import contextlib
+import contextvars
 import dataclasses
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import equinox as eqx
@@ -9,13 +12,15 @@ from jaxtyping import Array, Float, Int
 
 from ..common.arrays import Time
 from ..common.checks import check_kind
-from ..common.errors import ReductionError
+from ..common.errors import InputError, ReductionError
 from .constraints import right_hand_side
 from .stabilization import Baumgarte
 from .state import AbstractState
 from .structure import Structure
 
 S = TypeVar("S", bound="AbstractSystem")
+# In whose name accelerations are refused, which inputs of theirs change.
+_REFUSING = contextvars.ContextVar[str | None]("refusing", default=None)
 
 
 class Run(NamedTuple):
@@ -148,11 +153,29 @@ class AbstractSystem(eqx.Module):
         stabilization: Baumgarte | None = None,
     ) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
         """Accelerations [in units of q per s²] and Lagrange multipliers (chapter equation 39.3)."""
+        owner = _REFUSING.get()
+        if owner is not None:
+            raise InputError(
+                f"{owner}: an output asks for accelerations, which the inputs change, but as a "
+                'function of (t, q, v) it does not know these; give the speed, such as "cart.x\'", '
+                "whose rate it is: the acceleration has the rows c A of C and c B of D, with its "
+                "row c of C."
+            )
         state = self.state(t, q, v)
         known = state.constraints()
         gamma = right_hand_side(self.constraint, self.m, t, q, v, stabilization, known)
         a, multipliers, _ = state.solve(gamma)
         return a, multipliers
+
+
+@contextlib.contextmanager
+def refusing_accelerations(owner: str) -> Iterator[None]:
+    """Within it `AbstractSystem.acceleration` raises InputError, in the name of `owner`."""
+    token = _REFUSING.set(owner)
+    try:
+        yield
+    finally:
+        _REFUSING.reset(token)
 
 
 def beginning_at(system: S, q: Float[Array, " n"], v: Float[Array, " n"]) -> S:
