@@ -40,6 +40,16 @@ def test_runs_of_other_numbers_are_refused(verb, alone):
         VERBS[verb](zoo.system(zoo.bars, masses=(1.0, HEAVIER)), known)
 
 
+def test_names_and_rounding_do_not_count():
+    """Of points with names, and of products of inertia that large ones leave of each other."""
+    bar = rj.RigidBody("bar", mass=1.0, inertia=1.0, points={"tip": (0.5, 0.1)})
+    named = rj.assemble(rj.Scene([bar], [], []))
+    assert not differs(named, signature(without_names(named)))
+    stiff = zoo.oscillator((1e4, 1e-4))
+    noise = eqx.tree_at(lambda system: system.force_.stiffness, stiff, np.array([1e8, 1.1e-8]))
+    assert not differs(noise, signature(stiff))
+
+
 @pytest.mark.parametrize("make", [zoo.bending_four_bar, zoo.loop_in_space, zoo.beam_in_space])
 def test_every_number_but_of_the_start_counts(make):
     system = without_names(zoo.system(make))

@@ -44,7 +44,7 @@ class EagerQuantities(NamedTuple):
     @property
     def signature(self) -> Float[Array | np.ndarray, ""] | None:
         """The signature of the numbers of the system that moved; None where nobody knows them."""
-        return self.numbers if self.parts is None else _signature(self.parts)
+        return self.numbers if self.parts is None else signature(self.parts.combine())
 
     def every(self, kept: tuple[slice, ...]) -> "EagerQuantities":
         """Return the object for the output times that are `kept`, by slices of runs and times."""
@@ -74,7 +74,7 @@ class LazyQuantities(eqx.Module):
     @property
     def signature(self) -> Float[Array | np.ndarray, ""]:
         """The signature of the numbers of the system that moved."""
-        return _signature(self.parts)
+        return signature(self.parts.combine())
 
     @property
     def multipliers(self) -> Float[Array, "k m"]:
@@ -161,10 +161,6 @@ def multipliers_along(
         lambda t, q, v, chart: multipliers_at(system, t, q, v, chart, stabilization)
     )(t, q, v, chart)
     return rows
-
-
-def _signature(parts: Partitioned) -> Float[Array | np.ndarray, ""]:
-    return signature(without_names(parts.combine()))
 
 
 # Runs of one system are compared again and again.
