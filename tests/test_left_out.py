@@ -137,7 +137,7 @@ def test_other_motions_are_told_of_within_transformations():
     assert flags.tolist() == [0, int(rj.Flag.UNTRIED)]
 
 
-# One of each kind, of which two are told of.
+# One of each kind, of which two are told of: by the way of a body, or by how it bends.
 FEW = [
     (zoo.cart_pendulum, "galerkin", 3, True),
     (zoo.cart_pendulum, "local", 2, False),
@@ -150,6 +150,7 @@ ASKED = [
     (bending_crank, "minimal", 2, True),
     (bending_crank, "minimal", 3, False),
     (zoo.falling_beams, "minimal", 5, True),
+    (zoo.falling_beams, "local", 4, True),  # a deflection, by 11 %
     (zoo.falling_beams, "local", 6, False),
     (zoo.four_bar, "minimal", 1, False),
     (zoo.bars, "minimal", 1, True),
@@ -162,9 +163,9 @@ def test_who_errs_on_its_training_is_told_of(make, formulation, rank, told):
     """Of every kind, with nothing set, and nobody else."""
     motion, rom = model(make, formulation, rank)
     run = rj.simulate(rom, motion.t)
-    error = off(motion, run)
-    assert (error > 1e-4) == told, f"error {error:.1e}"
-    assert bool(run.flags & LEFT_OUT) == told, f"error {error:.1e}"
+    error, hidden = off(motion, run), rj.compare(motion, run).hidden()
+    assert (error > 1e-4 or hidden != "") == told, f"error {error:.1e}, {hidden}"
+    assert bool(run.flags & LEFT_OUT) == told, f"error {error:.1e}, {hidden}"
 
 
 @pytest.mark.slow

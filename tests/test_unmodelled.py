@@ -18,6 +18,8 @@ UNMODELLED = rj.Flag.UNMODELLED
 # The first mass moves in the training; the last but one is held softly, the last by nothing.
 OMEGA = np.array([2.0, 20.0, 3.0, 0.0])
 TIMES = np.linspace(0.0, 3.0, 31)
+# The way of the first mass.
+WAY = np.max(1 - np.cos(OMEGA[0] * TIMES))
 
 
 class Pushed(eqx.Module):
@@ -52,17 +54,16 @@ def run(rom):
 def test_forces_across_a_model_are_told_of_where_they_move_much(of_the_first, pushed, push, told):
     """By no more than that is seen: the same force on a stiff spring is not."""
     other = of_the_first.with_full(masses(push * np.eye(4)[pushed]))
-    way = np.max(1 - np.cos(OMEGA[0] * TIMES))
     moved = run(other)
-    assert_allclose(departure(other, moved), push / OMEGA[pushed] ** 2 / way, rtol=1e-3)
+    assert_allclose(departure(other, moved), push / OMEGA[pushed] ** 2 / WAY, rtol=1e-3)
     assert moved.flags == (UNMODELLED if told else 0)
     assert ("out of its model" in moved.warnings()) == told
 
 
 def test_what_nothing_holds_goes_as_far_as_there_is_time(of_the_first):
-    push, way = 1e-3, np.max(1 - np.cos(OMEGA[0] * TIMES))
+    push = 1e-3
     other = of_the_first.with_full(masses(push * np.eye(4)[3]))
-    assert_allclose(departure(other, run(other)), push * TIMES[-1] ** 2 / 2 / way, rtol=1e-3)
+    assert_allclose(departure(other, run(other)), push * TIMES[-1] ** 2 / 2 / WAY, rtol=1e-3)
 
 
 def test_a_model_at_rest_tells_of_what_it_does_not_move(of_the_first):
@@ -89,9 +90,8 @@ def test_known_motions_and_whole_models_are_not_looked_at(of_the_first, monkeypa
 
 def test_a_model_that_promises_less_tells_of_more(of_the_first):
     """Whoever has estimated an error of two percent is not told of one percent."""
-    way = np.max(1 - np.cos(OMEGA[0] * TIMES))
     for departs, told in ((0.03, False), (0.05, True)):
-        other = of_the_first.with_full(masses(departs * way * OMEGA[2] ** 2 * np.eye(4)[2]))
+        other = of_the_first.with_full(masses(departs * WAY * OMEGA[2] ** 2 * np.eye(4)[2]))
         assert bool(run(with_error(other, 0.02)).flags & UNMODELLED) == told
 
 

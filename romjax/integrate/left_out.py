@@ -24,7 +24,7 @@ from .error_bar import MUCH, hidden
 from .group_errors import RESOLVED, group_errors, groups_with_members, resolution
 from .repeated import Simulate, after_impacts, undisturbed
 from .trajectory import Trajectory
-from .unmodelled import flag_departure, leaves_out
+from .unmodelled import flag_departure, has_fewer_freedoms
 
 # A model's motion may be off by so many tolerances, relative to its size, and by the second number
 # however sharply the motion is integrated.
@@ -115,7 +115,7 @@ def flag_left_out(
     passes = not any(one.hidden for one in errors) and all(
         one.error[-1] <= max(_MARGIN * _LEAST, _STEPS * one.rtol) for one in errors
     )
-    rom = reduced_of(system) if leaves_out(training) else None
+    rom = reduced_of(system) if has_fewer_freedoms(training) else None
     if passes and rom is None:
         return run
     tried: Any = np.zeros((), bool)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ..common.arrays import concrete
 from ..common.compat import is_traced
 from ..common.outside import outside_of_traces
-from ..compiling.program import program_once
+from ..compiling.program import program, program_once
 from ..linalg.dense import multiply
 from ..system.base import AbstractSystem
 from ..system.dynamics import jacobian, solve
@@ -22,24 +22,29 @@ from ..system.training import Training
 from .reactions import lifted_acceleration
 from .trajectory import Trajectory
 
-# States of a run that are looked at, from its start to its end, and directions of its departure.
-_STATES, _DIRECTIONS = 16, 3
-# Displacements below, relative to where a mechanism is, are rounding errors of one at rest.
-_REST = 1e-10
+# States of a run that are looked at, and directions of its departure.
+_STATES, _DIRECTIONS = 8, 3
+# Its multiples are at no distances that a motion could repeat itself in.
+_GOLDEN = 0.6180339887498949
+# Displacements below, relative to where a mechanism is, are of one at rest, and equilibria are
+# known to less than what they are allowed to err by.
+_AT_REST = 1e-6
 # A row of constraints that leaves less than this of its length to those before it repeats them.
 _REPEATED = 1e-9
 
 
-def leaves_out(training: Training) -> bool:
+def has_fewer_freedoms(training: Training) -> bool:
     """Whether the mechanism has freedoms that its model has not, counted once at the start."""
-    if training.leaves_out is None:
+    if training.has_fewer_freedoms is None:
         rom = without_names(training.rom)
 
         def count() -> None:
-            training.leaves_out = _freedoms(rom, rom.time) < _freedoms(rom.full, rom.time, rom)
+            training.has_fewer_freedoms = _freedoms(rom, rom.time) < _freedoms(
+                rom.full, rom.time, rom
+            )
 
         outside_of_traces(count)
-    return bool(training.leaves_out)
+    return bool(training.has_fewer_freedoms)
 
 
 def _freedoms(system: AbstractSystem, t: Array, rom: AbstractReducedSystem | None = None) -> int:
@@ -94,35 +99,36 @@ def departure(system: AbstractReducedSystem, run: Trajectory) -> Any:
     f(A) Δ ≈ |Δ| V f(H) e₁ (Saad 1992, doi:10.1137/0729014). It is an estimate: loads between the
     states that it sees, damping and turning are left out.
     """
+    given: list[Any] = [run.t, run.q, run.v, run.metric]
+    traced = any(is_traced(x) for x in given)
+    t, q, v, metric = given if traced else [np.asarray(x) for x in given]
+    xp: Any = jnp if traced else np
+    # Of the way, and of where the mechanism is: a motion that is smaller is rounding of it.
+    ways = xp.concatenate([q - q[:1], _AT_REST * (1 + xp.abs(q[:1]))])
+    size = xp.sqrt(xp.max(xp.sum((ways @ metric) * ways, axis=1)))
     # States are picked outside of the program, which is then one for runs of any length.
-    picked = np.linspace(0, len(run.t) - 1, _STATES).astype(int)
-    states: list[Any] = [x[picked] for x in (run.t, run.q, run.v)]
-    if not any(is_traced(x) for x in states):
-        states = [np.asarray(x) for x in states]
-    return _departure(without_names(system), *states)
+    picked = np.sort((_GOLDEN * np.arange(_STATES) % 1 * len(t)).astype(int))
+    return _departure(without_names(system), t[-1] - t[0], size, t[picked], q[picked], v[picked])
 
 
-@program_once
+@program
 def _departure(
     system: AbstractReducedSystem,
+    span: Float[Array, ""],
+    size: Float[Array, ""],
     t: Float[Array, " k"],
     q: Float[Array, "k n"],
     v: Float[Array, "k n"],
 ) -> Float[Array, ""]:
-    system, t, q, v = jax.tree.map(
-        lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, (system, t, q, v)
+    given = jax.tree.map(
+        lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x,
+        (system, span, size, t, q, v),
     )
-    span, way = t[-1] - t[0], q - q[:1]
-    moved = jax.lax.map(lambda x: _size(system, x[0], x[1]), (q, way))
-    at_rest = _REST * _size(system, q[0], 1 + jnp.abs(q[0]))
-    size = jnp.maximum(jnp.max(moved), at_rest)
-    departures = jax.lax.map(lambda x: _departure_at(system, span, size, *x), (t, q, v))
-    return jnp.max(departures) / size
-
-
-def _size(system: AbstractReducedSystem, q: Array, x: Array) -> Array:
-    """The size of a vector of the mechanism in the metric of its mass at q."""
-    return jnp.sqrt(jnp.maximum(multiply(x, system.full.state(0.0, q, x).apply_mass(x)), 0))
+    system, span, size, *states = given
+    departures = jax.lax.map(lambda x: _departure_at(system, span, size, *x), tuple(states))
+    # A singular state tells nothing.
+    largest: Array = jnp.nanmax(departures)
+    return largest / size
 
 
 def _departure_at(
@@ -130,38 +136,35 @@ def _departure_at(
 ) -> Array:
     """The departure by what is unbalanced at one state, in a motion of a `size`."""
     full = system.full
-    state = full.state(t, q, v)
+    state, modelled = full.state(t, q, v), lifted_acceleration(system, t, q, v)
     moves = jnp.ones_like(q).at[np.array(full.structure.states, int)].set(0)
-    a, _, kkt = solve(full, t, q, v, None)
-    unbalanced = -state.residual(lifted_acceleration(system, t, q, v))
-    delta = moves * kkt.solve(unbalanced, jnp.zeros(full.m, q.dtype))[0]
-
-    def length(x: Array) -> Array:
-        return jnp.sqrt(jnp.maximum(multiply(x, state.apply_mass(x)), 0))
-
-    def unit(x: Array, long: Array) -> Array:
-        return x / jnp.where(long > 0, long, 1)
-
+    free = jnp.zeros(full.m, q.dtype)
     # Difference quotients, of steps that are small in this motion: the derivative would double the
     # program for a rough number.
     step = jnp.cbrt(jnp.finfo(q.dtype).eps) * size
 
-    def extend(k: int, at: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        directions, diagonal, side = at
-        x = directions[k]
-        pushed = moves * (a - solve(full, t, q + step * x, v, None).acceleration) / step
-        along = multiply(directions, state.apply_mass(pushed))
-        left = pushed - multiply(along, directions)
-        long = length(left)
-        directions = directions.at[k + 1].set(unit(left, long), mode="drop")
-        return directions, diagonal.at[k].set(along[k]), side.at[k].set(long)
+    def extend(k: Array, at: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Make direction `k`: of what is unbalanced, and then of what A makes of the last one."""
+        directions, products, first = at
+        last = directions[k - 1]
+        solved = solve(full, t, q + step * last, v, None)
+        delta = moves * solved.kkt.solve(-state.residual(modelled), free)[0]
+        pushed = moves * (first - solved.acceleration) / step
+        x = jnp.where(k == 0, delta, pushed)
+        along = multiply(directions, state.apply_mass(x))
+        left = x - multiply(along, directions)
+        long = jnp.sqrt(jnp.maximum(multiply(left, state.apply_mass(left)), 0))
+        directions = directions.at[k].set(left / jnp.where(long > 0, long, 1))
+        first = jnp.where(k == 0, solved.acceleration, first)
+        return directions, products.at[k].set(along.at[k].set(long)), first
 
-    long, empty = length(delta), jnp.zeros(_DIRECTIONS, q.dtype)
-    directions = jnp.zeros((_DIRECTIONS, full.n), q.dtype).at[0].set(unit(delta, long))
-    # A loop, not three copies of the acceleration.
-    _, diagonal, side = jax.lax.fori_loop(0, _DIRECTIONS, extend, (directions, empty, empty))
-    squares, vectors = jnp.linalg.eigh(
-        jnp.diag(diagonal) + jnp.diag(side[:-1], 1) + jnp.diag(side[:-1], -1)
-    )
-    moved: Array = long * jnp.linalg.norm(vectors[0] / jnp.maximum(jnp.abs(squares), 2 / span**2))
-    return moved
+    # A loop, not copies of the acceleration, which begins where no direction is.
+    count = _DIRECTIONS + 1
+    empty = jnp.zeros((count, full.n), q.dtype), jnp.zeros((count, count), q.dtype), q
+    _, products, _ = jax.lax.fori_loop(0, count, extend, empty)
+    # Row k has H eₖ₋₁, and row 0 the size of Δ.
+    tridiagonal = products[1:, :-1]
+    squares, vectors = jnp.linalg.eigh(tridiagonal)
+    far: Array = jnp.linalg.norm(vectors[0] / jnp.maximum(jnp.abs(squares), 2 / span**2))
+    far *= products[0, 0]
+    return far

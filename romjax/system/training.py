@@ -29,16 +29,16 @@ class Recipe(NamedTuple):
 
 class Training:
     """A reduced model as it was made, the `motions` that it was made of, and its `errors` on them,
-    None until somebody measures them. `leaves_out`: whether the mechanism has freedoms that the
-    model has not, None until somebody counts them. By the `recipe`, which is None where JAX traces,
-    others keep the models that they make of it.
+    None until somebody measures them. `has_fewer_freedoms`: than the mechanism, None until somebody
+    counts them. By the `recipe`, which is None where JAX traces, others keep the models that they
+    make of it.
     """
 
     def __init__(self, rom: Any, motions: tuple[Any, ...], recipe: Recipe | None) -> None:
         self.rom = rom
         self.motions = motions
         self.errors: tuple[Any, ...] | None = None if motions else ()
-        self.leaves_out: bool | None = None
+        self.has_fewer_freedoms: bool | None = None
         self.recipe = recipe
         self.finer: dict[int, tuple[Any, ...]] = {}
 
@@ -90,7 +90,7 @@ def forget_training(rom: AbstractSystem) -> None:
     """Drop what is known of a model by its training, for callers that measure it anew."""
     training = training_of(rom)
     if training is not None:
-        training.motions, training.errors, training.leaves_out = (), (), False
+        training.motions, training.errors, training.has_fewer_freedoms = (), (), False
 
 
 def with_error(rom: S, error: float) -> S:
