@@ -144,7 +144,8 @@ CASES = {
     ],
     "without a sign": lambda x, y: [
         f(number(x).astype(jnp.uint32), jnp.uint32(5)) for f in (lax.sub, lax.add, lax.mul)
-    ] + [~number(x).astype(jnp.uint8), jnp.uint32(3) - jnp.uint32(5) + 0 * number(x)],
+    ] + [(300 - 2 * number(x)).astype(t).astype(int) for t in (jnp.uint8, jnp.int8, jnp.uint32)]
+    + [~number(x).astype(jnp.uint8), jnp.uint32(3) - jnp.uint32(5) + 0 * number(x)],
     "known": lambda x, y: 0 * x + jnp.sin(TABLE[:2]) + jnp.arange(3.0)[None] + jnp.minimum(9, y),
     "stop": lambda x, y: lax.stop_gradient(x) + lax.optimization_barrier(y),
     "shapes": lambda x, y: x.reshape(3, 2) @ y[:, :2] + jnp.squeeze(x[None]).T[:, ::-1][:, :2],

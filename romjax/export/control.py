@@ -129,7 +129,10 @@ class Control:
         return over(lambda a: self.arithmetic.power(a, p["y"], kinds[0]), x)
 
     def _convert_element_type(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
-        new = kind_of(jax.core.ShapedArray((), p["new_dtype"]))
+        dtype = np.dtype(p["new_dtype"])
+        if kinds[0] in "iu" and dtype.kind in "iu":
+            return over(lambda a: self.whole.converted(a, dtype), x)
+        new = kind_of(jax.core.ShapedArray((), dtype))
         return over(lambda a: self.arithmetic.convert(a, kinds[0], new), x)
 
     def _select_n(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:

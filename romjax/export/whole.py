@@ -14,6 +14,7 @@ from .refuse import refuse
 from .terms import TYPES, is_known
 
 _BITS, _MASK = 64, 2**64 - 1  # of the type of C
+_NARROW = {8: "signed char", 16: "short", 32: "int"}
 _REDUCED = {"reduce_and": "and", "reduce_or": "or", "reduce_xor": "xor"}
 # What may leave the range of numbers without a sign, where they go on from its other end.
 _WRAPPED = {"add", "sub", "mul", "neg", "not", "shift_left"}
@@ -86,6 +87,18 @@ class Whole:
             pattern = f"({pattern}) & {2**bits - 1}"
         return self.writer.compute("i", pattern, *numbers, exact=bits < _BITS)
 
+    def converted(self, number: Any, dtype: Any) -> Any:
+        """A whole number as one of another type, whose bits are the last ones of its own."""
+        bits = 8 * dtype.itemsize
+        if bits == _BITS:
+            return number
+        if is_known(number):
+            return _with_sign(number, bits) if dtype.kind == "i" else number % 2**bits
+        pattern = (
+            f"({TYPES['i']})({_NARROW[bits]}){{}}" if dtype.kind == "i" else f"{{}} & {2**bits - 1}"
+        )
+        return self.writer.compute("i", pattern, number)
+
     def _count(self, name: str, by: Any) -> int:
         """By how many bits a shift goes; all of them leave nothing, but a sign."""
         if not is_known(by):
@@ -119,7 +132,7 @@ def _quotient(a: int, b: int) -> int:
     return abs(a) // abs(b) * (1 if (a < 0) == (b < 0) else -1)
 
 
-def _with_sign(value: int) -> int:
-    """A number of as many bits as C has."""
-    value &= _MASK
-    return value - 2**_BITS if value >> (_BITS - 1) else value
+def _with_sign(value: int, bits: int = _BITS) -> int:
+    """A number of so many bits."""
+    value &= 2**bits - 1
+    return value - 2**bits if value >> (bits - 1) else value
