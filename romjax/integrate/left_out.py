@@ -128,7 +128,7 @@ def flag_left_out(
     flags = concrete(run.flags)
     if is_traced(told) or flags is None:
         return dataclasses.replace(run, flags=run.flags | told)
-    return dataclasses.replace(run, flags=as_jax(flags | told)) if told else run
+    return dataclasses.replace(run, flags=as_jax(np.asarray(flags | told))) if told else run
 
 
 def _by_training(

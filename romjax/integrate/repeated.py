@@ -42,7 +42,7 @@ def after_impacts(
             continue
         v = struck(own, own.time, own.q0, own.v0, impact[1:])
         times = np.concatenate([[impact.time], t[rows]])
-        goes_on = run(rom.in_chart_of(impact.q), times, rtol=rtol, q0=own.q0, v0=v)
+        goes_on = run(rom.in_chart_of(as_jax(impact.q)), times, rtol=rtol, q0=own.q0, v0=v)
         q[rows] = np.asarray(goes_on.q)[1:] if goes_on.success else np.inf
     return dataclasses.replace(begun, q=as_jax(q))
 

@@ -14,9 +14,9 @@ from ..system.structure import without_names
 # Where a mechanism starts, and how large its bodies are drawn, changes none of its equations.
 _STARTS = {"q0", "v0", "amplitudes", "rates", "extent"}
 _STARTS |= {"position", "angle", "orientation", "velocity", "angular_velocity"}
-# Numbers far below may be rounding, of a length that is zero, say, or of what large numbers in the
-# same array leave of each other.
-_SMALLEST, _RELATIVE = 1e-9, 1e-6
+# Numbers far below may be rounding, of a length that is zero, say, and such shares of the largest
+# number of their array, of what large numbers leave of each other.
+_SMALLEST, _RELATIVE = 1e-9, 1e-9
 # Multiples of it fill a unit evenly, so that no two weights are alike.
 _GOLDEN = 0.6180339887498949
 # Differences that count: of a number that differs by so large a share, whichever it is.
@@ -25,13 +25,15 @@ _SHARE = 1e-6
 
 def signature(system: AbstractSystem) -> Float[Array | np.ndarray, ""]:
     """The weighted sum of the digits of all numbers of a `system`, but its names and its start:
-    Σ wᵢ asinh(xᵢ / s), 1 ≤ wᵢ < 2, with s = 10⁻⁹ or, where it is more, 10⁻⁶ of the largest number
-    of the array, which is counted with 10⁻⁹ too. Without derivatives.
+    Σ wᵢ asinh(xᵢ / 10⁻⁹), 1 ≤ wᵢ < 2, of no numbers below 10⁻⁹ of the largest one of their array.
+    Without derivatives.
 
     By NumPy where JAX does not trace.
     """
-    total: Float[Array | np.ndarray, ""] = _digits(system).sum()
-    return total
+    total = _digits(system).sum()
+    # A sum of NumPy is no array.
+    signed: Float[Array | np.ndarray, ""] = total if compat.is_traced(total) else np.asarray(total)
+    return signed
 
 
 def differs(system: AbstractSystem, other: Float[ArrayLike, ""]) -> bool:
@@ -49,19 +51,19 @@ def differs(system: AbstractSystem, other: Float[ArrayLike, ""]) -> bool:
 
 
 def _digits(system: AbstractSystem) -> Any:
-    """The weighted digits of each number of the full mechanism, and of the largest ones."""
+    """The weighted digits of each number of the full mechanism of a `system`."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(without_names(system.full))
     numbers = [x for path, x in leaves if _is_number(x) and not _is_start(path)]
     xp: Any = np
     if any(map(compat.is_traced, numbers)):
         xp, numbers = jnp, [jax.lax.stop_gradient(x) for x in numbers]
-    scaled = [np.zeros(1, system.q0.dtype)]
+    counted = [np.zeros(1, system.q0.dtype)]
     for x in (xp.ravel(xp.asarray(x)) for x in numbers):
-        largest = xp.max(xp.abs(x), initial=0.0)
-        scaled += [x / xp.maximum(_RELATIVE * largest, _SMALLEST), largest[None] / _SMALLEST]
-    flat = xp.concatenate(scaled)
+        least = _RELATIVE * xp.max(xp.abs(x), initial=0.0)
+        counted.append(xp.where(xp.abs(x) < least, 0, x))
+    flat = xp.concatenate(counted)
     weights = 1 + np.arange(len(flat)) * _GOLDEN % 1
-    return xp.arcsinh(flat) * weights.astype(flat.dtype)
+    return xp.arcsinh(flat / _SMALLEST) * weights.astype(flat.dtype)
 
 
 def _is_number(x: Any) -> bool:

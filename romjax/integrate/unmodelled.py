@@ -108,7 +108,9 @@ def departure(system: AbstractReducedSystem, run: Trajectory) -> Any:
     size = xp.sqrt(xp.max(xp.sum((ways @ metric) * ways, axis=1)))
     # States are picked outside of the program, which is then one for runs of any length.
     picked = np.sort((_GOLDEN * np.arange(_STATES) % 1 * len(t)).astype(int))
-    return _departure(without_names(system), t[-1] - t[0], size, t[picked], q[picked], v[picked])
+    # Differences and sums of NumPy are no arrays.
+    span, size = (x if traced else np.asarray(x) for x in (t[-1] - t[0], size))
+    return _departure(without_names(system), span, size, t[picked], q[picked], v[picked])
 
 
 @program
