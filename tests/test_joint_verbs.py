@@ -47,6 +47,9 @@ def test_forces_and_motions_along_a_run():
     reactions = rj.reactions(pair()[0], run())
     at_start = jax.jit(pair()[1].acceleration)(0.0, run().q[0], run().v[0])[1]
     assert_close(reactions[0], at_start, SOLVED, scale=np.max(np.abs(at_start)))
+    heavier = jax.tree.map(lambda x: 1.1 * x, pair()[1])
+    with pytest.raises(rj.InputError, match="reactions: the run is of a system.*other numbers"):
+        rj.reactions(pair()[0].with_full(heavier), run())
 
 
 @pytest.mark.slow

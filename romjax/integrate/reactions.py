@@ -26,7 +26,6 @@ def lifted_acceleration(
     return own.state(t, z, w).physical_acceleration(own.acceleration(t, z, w)[0])
 
 
-@eqx.filter_jit
 def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array, "k m"]:
     """Lagrange multipliers of all constraints of the full system, (k, m), along a reduced run.
 
@@ -45,13 +44,23 @@ def reactions(rom: AbstractReducedSystem, trajectory: Trajectory) -> Float[Array
             "reactions: the system is no reduced model; of a full system, "
             "romjax.joint_forces(system, run) has the forces of the joints."
         )
+    return _reactions(rom, trajectory.t, trajectory.q, trajectory.v)
 
+
+# The run is judged before, where its numbers are known and not traced.
+@eqx.filter_jit
+def _reactions(
+    rom: AbstractReducedSystem,
+    t: Float[Array, " k"],
+    q: Float[Array, "k n"],
+    v: Float[Array, "k n"],
+) -> Float[Array, "k m"]:
     def forces(t: Array, q: Array, v: Array) -> Array:
         if rom.is_exact:
             return solve(rom.full, t, q, v, None).multipliers
         return balancing_multipliers(rom, t, q, v, lifted_acceleration(rom, t, q, v))
 
-    return jax.vmap(forces)(trajectory.t, trajectory.q, trajectory.v)
+    return jax.vmap(forces)(t, q, v)
 
 
 def balancing_multipliers(

@@ -105,12 +105,14 @@ def departure(system: AbstractReducedSystem, run: Trajectory) -> Any:
     xp: Any = jnp if traced else np
     # Of the way, and of where the mechanism is: a motion that is smaller is rounding of it.
     ways = xp.concatenate([q - q[:1], _AT_REST * (1 + xp.abs(q[:1]))])
-    size = xp.sqrt(xp.max(xp.sum((ways @ metric) * ways, axis=1)))
     # States are picked outside of the program, which is then one for runs of any length.
     picked = np.sort((_GOLDEN * np.arange(_STATES) % 1 * len(t)).astype(int))
     # Differences and sums of NumPy are no arrays.
-    span, size = (x if traced else np.asarray(x) for x in (t[-1] - t[0], size))
-    return _departure(without_names(system), span, size, t[picked], q[picked], v[picked])
+    span: Any = xp.asarray(t[-1] - t[0])
+    size: Any = xp.sqrt(xp.max(xp.sum((ways @ metric) * ways, axis=1)))
+    return _departure(
+        without_names(system), span, xp.asarray(size), t[picked], q[picked], v[picked]
+    )
 
 
 @program
