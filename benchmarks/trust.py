@@ -5,8 +5,8 @@ told, where it is not, and romjax says so by a flag, a warning or a refusal; sil
 and nothing was said; false, where it is right, and something was said. Sensitive motions, of which
 a start that is moved by 1e-9 of the motion ends 1e-6 of it apart, are counted apart where they are
 wrong or told of. Each scene runs alone, under `jit` and in a sweep (`jit` of `vmap`), where the
-flags count. Kinds and their truths are in `trust_kinds`; a scene is its kind and its seed, from
-zero on. Writes `trust.txt` beside this file.
+flags count. Kinds and their truths are in `trust_kinds`; a scene is its kind and its seed. Writes
+`trust.txt` beside this file.
 
 Hours of work are not lost: `--kept FILE` adds every outcome to a file as soon as it is found, and
 what is in the file is not done again. The record says how many outcomes are of which commit.
@@ -167,9 +167,9 @@ def listed(found: Sequence[Outcome], verdict: str) -> record.Section:
 def origins(commits: Sequence[str], found: Sequence[Outcome]) -> record.Section:
     """How many scenes there are, and how many outcomes are of which commit."""
     scenes = len({(one.kind, one.seed) for one in found})
-    kinds = len({one.kind for one in found})
+    kinds, first = len({one.kind for one in found}), min((one.seed for one in found), default=0)
     text = (
-        f"{scenes} scenes of {kinds} of {len(KINDS)} kinds, seeds from zero on; where kinds have"
+        f"{scenes} scenes of {kinds} of {len(KINDS)} kinds, seeds from {first} on; where kinds have"
         "\nunequal numbers the campaign was ended before all were done. Outcomes by the commit of"
         "\nthe library that they were found with:"
     )

@@ -99,9 +99,10 @@ def test_a_run_beyond_the_training_is_doubted(truth, cart_pendulum):
     assert motion.is_valid
     assert not motion.warnings()
     motion = rj.simulate(rj.reduce(varied(force=200.0), basis), truth.t)
-    (leaves,) = motion.each_warning()
+    leaves, departs = motion.each_warning()
     assert "leaves the box" in leaves
-    assert motion.flags == rj.Flag.OUTSIDE_TRAINING
+    assert "out of its model" in departs
+    assert motion.flags == rj.Flag.OUTSIDE_TRAINING | rj.Flag.UNMODELLED
 
 
 def test_a_subspace_that_leaves_the_constraints_is_doubted():

@@ -18,7 +18,7 @@ _STEPS = 8
 # Points of the way from where another system starts to the first snapshot, and the number of those
 # that Newton's method may start from.
 _POINTS = 32
-WAY = 4
+WAY = 16
 
 
 class Guesses(NamedTuple):
