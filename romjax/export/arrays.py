@@ -1,7 +1,7 @@
 """Operations that move numbers, on NumPy's arrays of what is known and of terms."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -139,13 +139,6 @@ class Arrays:
 
     # Places that may depend on the state.
 
-    def _start(self, starts: Any, shape: Any, sizes: Any) -> list[Any]:
-        """The place where a part of an array begins, moved so that the part lies within."""
-        return [
-            self.arithmetic.clamp(0, at, int(full) - int(size), "i")
-            for at, full, size in zip(starts, shape, sizes, strict=True)
-        ]
-
     def _offset(self, start: list[Any], shape: tuple[int, ...]) -> Any:
         """The place of a start in the row of all numbers of an array."""
         strides = [int(np.prod(shape[d + 1 :])) for d in range(len(shape))]
@@ -170,13 +163,15 @@ class Arrays:
 
     def _dynamic_slice(self, x: Operands, p: Any, kinds: list[str]) -> Cells:
         sizes = p["slice_sizes"]
-        start = self._start([at.item() for at in x[1:]], x[0].shape, sizes)
+        start = start_within(self.arithmetic, [at.item() for at in x[1:]], x[0].shape, sizes)
         return self._part(x[0], start, sizes, kinds[0])
 
     def _dynamic_update_slice(self, x: Operands, p: Any, kinds: list[str]) -> Cells:
         del p
         operand, update = x[:2]
-        start = self._start([at.item() for at in x[2:]], operand.shape, update.shape)
+        start = start_within(
+            self.arithmetic, [at.item() for at in x[2:]], operand.shape, update.shape
+        )
         if all(is_known(at) for at in start):
             out = operand.copy()
             ends = zip(start, update.shape, strict=True)
@@ -202,14 +197,14 @@ class Arrays:
         window = tuple([int(s) for d, s in enumerate(sizes) if d not in dropped])
         out = np.empty(batch + window, object)
         for at in np.ndindex(batch):
-            wanted: list[Any] = [0] * operand.ndim
-            for d, of in zip(
-                numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True
-            ):
-                wanted[d] = at[of]
-            for k, d in enumerate(numbers.start_index_map):
-                wanted[d] = indices[(*at, k)]
-            start = self._start(wanted, operand.shape, sizes)
+            wanted = start_at(
+                at,
+                indices,
+                operand.ndim,
+                numbers.start_index_map,
+                (numbers.operand_batching_dims, numbers.start_indices_batching_dims),
+            )
+            start = start_within(self.arithmetic, wanted, operand.shape, sizes)
             part = self._part(operand, start, sizes, kinds[0]).reshape(window)
             if fills:
                 part = self._within(part, wanted, start, p.get("fill_value"), kinds[0])
@@ -228,6 +223,34 @@ class Arrays:
             fill = {"f": float("nan"), "b": True}.get(kind, -(2**63) if kind == "i" else 2**32 - 1)
         pick = np.frompyfunc(lambda x: self.arithmetic.choose(same, fill, x, kind), 1, 1)
         return np.asarray(pick(part), dtype=object)
+
+
+def start_at(
+    batch: tuple[int, ...],
+    indices: Cells,
+    dims: int,
+    index_map: Sequence[int],
+    batching: tuple[Sequence[int], Sequence[int]],
+) -> list[Any]:
+    """The start in an array of so many `dims` that `indices` have for one entry of a batch.
+
+    - `index_map`: which dimensions the indices are of; `batching`: dimensions of the array that go
+      along with those of the batch.
+    """
+    start: list[Any] = [0] * dims
+    for d, of in zip(*batching, strict=True):
+        start[d] = batch[of]
+    for k, d in enumerate(index_map):
+        start[d] = indices[(*batch, k)]
+    return start
+
+
+def start_within(arithmetic: Arithmetic, starts: Any, shape: Any, sizes: Any) -> list[Any]:
+    """The start of a part of an array, moved so that the part lies within."""
+    return [
+        arithmetic.clamp(0, at, int(full) - int(size), "i")
+        for at, full, size in zip(starts, shape, sizes, strict=True)
+    ]
 
 
 def _slices(p: Any) -> tuple[slice, ...]:

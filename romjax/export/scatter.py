@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arithmetic import Arithmetic
-from .arrays import Cells, Operands
+from .arrays import Cells, Operands, start_at, start_within
 from .terms import is_known
 
 
@@ -43,18 +43,15 @@ class Scatter:
             sizes[d] = updates.shape[of]
         last = [full - size for full, size in zip(operand.shape, sizes, strict=True)]
         for batch in np.ndindex(*[updates.shape[d] for d in others]):
-            start: list[Any] = [0] * operand.ndim
-            for d, of in zip(
-                numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, strict=True
-            ):
-                start[d] = batch[of]
-            for k, d in enumerate(numbers.scatter_dims_to_operand_dims):
-                start[d] = indices[(*batch, k)]
+            start = start_at(
+                batch,
+                indices,
+                operand.ndim,
+                numbers.scatter_dims_to_operand_dims,
+                (numbers.operand_batching_dims, numbers.scatter_indices_batching_dims),
+            )
             if "CLIP" in str(p["mode"]):
-                start = [
-                    self.arithmetic.clamp(0, at, most, "i")
-                    for at, most in zip(start, last, strict=True)
-                ]
+                start = start_within(self.arithmetic, start, operand.shape, sizes)
             window = updates.transpose([*others, *numbers.update_window_dims])[batch]
             window = np.asarray(window, dtype=object).reshape(sizes)
             self._place(out, start, last, window, kinds[0], pair)
