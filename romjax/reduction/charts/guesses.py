@@ -79,18 +79,18 @@ def guesses_of(
     count = len(d) - len(guesses.d)
     leads = jnp.all(converged[:count]) & from_start
     moved = (converged[count:] & ((guesses.pace > 0) | leads))[:, None]
-    places, others = guesses.z, jnp.where(moved, d[count:], guesses.d)
+    all_z, all_d = guesses.z, jnp.where(moved, d[count:], guesses.d)
     if from_start:
         # Near where the other system starts no snapshot need be.
         ways = [x[: count : count // WAY] for x in (passed[2], d)]
-        places, others = (
+        all_z, all_d = (
             jnp.concatenate([jnp.where(leads, ahead, x[:1]), x])
-            for ahead, x in zip(ways, (places, others), strict=True)
+            for ahead, x in zip(ways, (all_z, all_d), strict=True)
         )
     else:
-        places, others = with_way(places), with_way(others)
-    times, q = with_way(guesses.times), jax.vmap(configuration)(places, others)
-    return places, others, chart.dependent_inverses(full, times, q)
+        all_z, all_d = with_way(all_z), with_way(all_d)
+    times, q = with_way(guesses.times), jax.vmap(configuration)(all_z, all_d)
+    return all_z, all_d, chart.dependent_inverses(full, times, q)
 
 
 def _nearest_signs(full: AbstractSystem, other: Float[Array, " n"]) -> Float[Array, " n"]:
