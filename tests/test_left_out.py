@@ -217,9 +217,9 @@ def test_what_the_error_of_positions_hides_is_told_of():
     bends = np.array([label.startswith("pendulum.q") for label in motion.labels])
     small, large = (start + np.where(bends, size, 1.0) * (q - start) for size in (1e-2, 1.3e-2))
     truth, wrong = (dataclasses.replace(motion, q=x) for x in (small, large))
-    structure = motion.system.full.structure
-    assert left_out._hidden(structure, truth, truth) == ("", 0.0)
-    hidden, missed = left_out._hidden(structure, truth, wrong)
+    structure, resolved = motion.system.full.structure, left_out.resolution(truth, wrong)
+    assert left_out._hidden(structure, truth, small, resolved) == ("", 0.0)
+    hidden, missed = left_out._hidden(structure, truth, large, resolved)
     assert hidden == "deflection of pendulum is wrong by 30 %"
     assert missed <= rj.compare(truth, wrong).error
 

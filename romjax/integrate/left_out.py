@@ -231,17 +231,20 @@ def _error(rom: AbstractReducedSystem, motion: Trajectory, simulate: Simulate) -
     error, hides = np.full(len(times), np.inf), ("", 0.0)
     run = simulate(rom, times[: undisturbed(motion)], rtol=rtol)
     if run.success:
-        run = after_impacts(rom, motion, run, rtol, simulate)
-        structure, q, other = motion.system.full.structure, np.asarray(motion.q), np.asarray(run.q)
+        structure, q = motion.system.full.structure, np.asarray(motion.q)
+        other = after_impacts(rom, motion, run, rtol, simulate)
         error = _history(structure, q, other)
-        hides = _hidden(structure, motion, run) if np.all(np.isfinite(other)) else hides
+        if np.all(np.isfinite(other)):
+            hides = _hidden(structure, motion, other, resolution(motion, run))
     start = run.t[0], run.q[0], run.v[0]
     return TrainingError(times - times[0], error, rtol, _numbers(rom), start, *hides)
 
 
-def _hidden(structure: Structure, motion: Trajectory, run: Trajectory) -> tuple[str, float]:
-    """Return what the error of a run hides, as `TrainingError` has it."""
-    q, other = _alike(structure, np.asarray(motion.q), np.asarray(run.q))
+def _hidden(
+    structure: Structure, motion: Trajectory, other: np.ndarray, resolved: Any
+) -> tuple[str, float]:
+    """Return what the error of a motion hides, as `TrainingError` has it."""
+    q, other = _alike(structure, np.asarray(motion.q), other)
     metric, way, apart = np.asarray(motion.metric), q - q[:1], other - q
     size, error = (np.sqrt(max(np.sum((x @ metric) * x), 0.0)) for x in (way, apart))
     if not size > 0:
@@ -249,7 +252,7 @@ def _hidden(structure: Structure, motion: Trajectory, run: Trajectory) -> tuple[
     groups, members = groups_with_members(motion.coordinates, q.dtype)
     weights: Any = np.diagonal(metric)
     whole: Any = np.asarray(size)
-    errors = group_errors(apart, way, weights, members, resolution(motion, run), whole)
+    errors = group_errors(apart, way, weights, members, resolved, whole)
     words = hidden(error / size, errors, groups)
     if not words:
         return "", 0.0

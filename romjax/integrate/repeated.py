@@ -1,11 +1,11 @@
 """A motion that a reduced model was made of, repeated by the model from one impact to the next."""
 
-import dataclasses
 import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ..common.arrays import as_jax
 from ..common.errors import ReductionError
@@ -26,9 +26,10 @@ def undisturbed(motion: Trajectory) -> int:
 
 def after_impacts(
     rom: AbstractReducedSystem, motion: Trajectory, begun: Trajectory, rtol: float, run: Simulate
-) -> Trajectory:
-    """The model's motion `begun` up to the first impact of a `motion`, and from each impact to the
-    next, from where the bodies are then, with the velocities that the model has after it.
+) -> Float[np.ndarray, "k n"]:
+    """The coordinates of a model at the times of a `motion`: those of its run `begun` up to the
+    first impact, and then from each impact to the next, from where the bodies are at it, with the
+    velocities that the model has after it.
 
     So errors before an impact, that of its time above all, do not count after it. Rows are infinite
     where the model fails, and those of the motion itself where nobody has repeated it.
@@ -44,7 +45,7 @@ def after_impacts(
         times = np.concatenate([[impact.time], t[rows]])
         goes_on = run(rom.in_chart_of(as_jax(impact.q)), times, rtol=rtol, q0=own.q0, v0=v)
         q[rows] = np.asarray(goes_on.q)[1:] if goes_on.success else np.inf
-    return dataclasses.replace(begun, q=as_jax(q))
+    return q
 
 
 class _Impacts(NamedTuple):
