@@ -32,6 +32,16 @@ def whole(z):
     return jnp.floor(4 * z).astype(int)
 
 
+WHOLE = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
+
+
+def beyond(x):
+    """The least and the largest number of each type, of which the program does not know any."""
+    for kind in WHOLE[:-1]:
+        ends = np.array([np.iinfo(kind).min, np.iinfo(kind).max], kind)
+        yield jnp.where(x[0, :2] > 2, ends[::-1], ends)
+
+
 def doubled(x, most):
     """Numbers that grow until they reach one."""
 
@@ -146,6 +156,20 @@ CASES = {
         f(number(x).astype(jnp.uint32), jnp.uint32(5)) for f in (lax.sub, lax.add, lax.mul)
     ] + [(300 - 2 * number(x)).astype(t).astype(int) for t in (jnp.uint8, jnp.int8, jnp.uint32)]
     + [~number(x).astype(jnp.uint8), jnp.uint32(3) - jnp.uint32(5) + 0 * number(x)],
+    "beyond their range": lambda x, y: [
+        f(z) for z in beyond(x) for f in (
+            lambda a: a + a, lambda a: a - 1, lambda a: a * a, lambda a: -a, jnp.abs, jnp.sign,
+            lambda a: a**11, lambda a: lax.div(a, lax.neg(jnp.ones_like(a))), jnp.cumsum,
+            lambda a: lax.rem(a, a * 0 - 1), lambda a: lax.div(a, a * 0),
+            lambda a: jnp.sum(a, dtype=a.dtype), lambda a: a @ a, jnp.cumprod,
+            lambda a: jnp.zeros(2, a.dtype).at[0].add(a[1]).at[0].multiply(3),
+            lambda a: jnp.take(a, number(x) + 9, mode="fill"),
+        )
+    ],
+    "as whole numbers": lambda x, y: [
+        (z * unlike).astype(t) for t in WHOLE for z in (x[0, 0] ** 0, jnp.ones(()))
+        for unlike in np.array([np.nan, np.inf, -np.inf, 1e30, -1e30, 3e9, -3e9, -0.5, 300.7, 0])
+    ],
     "known": lambda x, y: 0 * x + jnp.sin(TABLE[:2]) + jnp.arange(3.0)[None] + jnp.minimum(9, y),
     "stop": lambda x, y: lax.stop_gradient(x) + lax.optimization_barrier(y),
     "shapes": lambda x, y: x.reshape(3, 2) @ y[:, :2] + jnp.squeeze(x[None]).T[:, ::-1][:, :2],
@@ -352,7 +376,10 @@ def test_numbers_are_named():
         (lambda x, y: jnp.tri(3) @ x[0], "float32.*ask for dtype=float"),
         (lambda x, y: number(x) << number(y), "`shift_left` by a number that depends"),
         (lambda x, y: number(x).astype(jnp.int32) << 3, "`shift_left` of numbers of type int32"),
-        (lambda x, y: number(x).astype(jnp.uint64) - 3, "`sub` of numbers of type uint64"),
+        (
+            lambda x, y: number(x).astype(jnp.uint64) - 3,
+            "numbers of type uint64 that depend on the state",
+        ),
         (lambda x, y: lax.bitcast_convert_type(x, jnp.uint64), "the bits of a number as uint64"),
         (lambda x, y: jax.grad(lambda x: jnp.sum(halving(x, y)[1]))(x), "`f` is the derivative"),
         (lambda x, y: jax.random.normal(jax.random.key(number(x)), (3,)), "random numbers"),

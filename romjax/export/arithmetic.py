@@ -6,18 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from .known import before, folded, log_gamma
 from .terms import Term, Writer, is_known
+from .widths import is_whole, nearest, to_nearest, wrapped, wrapping
 
 Function = Callable[..., Any]
 # Powers up to this one are products.
 _PRODUCTS = 8
-
-
-def _folded(function: Callable[..., Any], *numbers: Any) -> Any:
-    """The result of NumPy for numbers that are known, with infinities and NaN as C has them."""
-    with np.errstate(all="ignore"):
-        value = function(*numbers)
-    return value.item() if isinstance(value, np.generic) else value
 
 
 class Arithmetic:
@@ -44,7 +39,7 @@ class Arithmetic:
 
     def add(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            return a + b
+            return wrapped(a + b, kind)
         if _is(a, 0):
             return b
         if _is(b, 0):
@@ -53,31 +48,31 @@ class Arithmetic:
             return self.sub(a, plus, kind)
         if (plus := _minus(a)) is not None:
             return self.sub(b, plus, kind)
-        return self.writer.compute(kind, "{} + {}", *_ordered(a, b))
+        return self._written(kind, "{} + {}", *_ordered(a, b))
 
     def sub(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            return a - b
+            return wrapped(a - b, kind)
         if _is(b, 0):
             return a
         if _is(a, 0):
             return self.neg(b, kind)
         if (plus := _minus(b)) is not None:
             return self.add(a, plus, kind)
-        return self.writer.compute(kind, "{} - {}", a, b)
+        return self._written(kind, "{} - {}", a, b)
 
     def neg(self, a: Any, kind: str = "f") -> Any:
         if is_known(a):
-            return -a
+            return wrapped(-a, kind)
         if a.minus is not None:
             return a.minus
-        negative = self.writer.compute(kind, "-{}", a)
+        negative = self._written(kind, "0 - {}" if is_whole(kind) else "-{}", a)
         negative.minus = a
         return negative
 
     def mul(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            return a * b
+            return wrapped(a * b, kind)
         if _is(a, 0) or _is(b, 0):
             return 0.0 if kind == "f" else 0
         if _is(a, 1):
@@ -91,17 +86,26 @@ class Arithmetic:
         # Signs go outwards, where sums take them: of numbers at once.
         a, b = _ordered(a, b)
         if (plus := _minus(a)) is not None:
-            return self.mul(plus, -b, kind) if is_known(b) else self._negative(plus, b, kind)
+            return (
+                self.mul(plus, self.neg(b, kind), kind)
+                if is_known(b)
+                else self._negative(plus, b, kind)
+            )
         if (plus := _minus(b)) is not None:
             return self._negative(a, plus, kind)
-        return self.writer.compute(kind, "{} * {}", a, b)
+        return self._written(kind, "{} * {}", a, b)
+
+    def _written(self, kind: str, pattern: str, *numbers: Any) -> Term:
+        """The term of an expression, in which whole numbers keep the bits of their type."""
+        exact = kind not in ("int64", "uint64")
+        return self.writer.compute(kind, wrapping(pattern, kind), *numbers, exact=exact)
 
     def _negative(self, a: Any, b: Any, kind: str) -> Any:
         return self.neg(self.mul(a, b, kind), kind)
 
     def div(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            return a / b if b else _folded(np.divide, a, b)
+            return a / b if b else folded(np.divide, a, b)
         if _is(a, 0):
             return 0.0
         return a if _is(b, 1) else self.writer.compute(kind, "{} / {}", a, b)
@@ -110,7 +114,7 @@ class Arithmetic:
         """A whole power; small ones by products."""
         if exponent < 0:
             return self.div(1.0, self.power(a, -exponent, kind), kind)
-        if exponent > _PRODUCTS:
+        if exponent > _PRODUCTS and not is_whole(kind):
             return self._function("pow", np.power)(a, float(exponent))
         result, factor = None, a
         while exponent:
@@ -118,17 +122,17 @@ class Arithmetic:
                 result = factor if result is None else self.mul(result, factor, kind)
             exponent >>= 1
             factor = self.mul(factor, factor, kind) if exponent else factor
-        return 1.0 if result is None else result
+        return (1 if is_whole(kind) else 1.0) if result is None else result
 
     def largest(self, a: Any, b: Any, kind: str = "f") -> Any:
         """The larger one; NaN if one is NaN, which fmax would leave out."""
         if is_known(a) and is_known(b):
-            return _folded(np.maximum, a, b)
+            return folded(np.maximum, a, b)
         return self._extreme(">", a, b, kind)
 
     def least(self, a: Any, b: Any, kind: str = "f") -> Any:
         if is_known(a) and is_known(b):
-            return _folded(np.minimum, a, b)
+            return folded(np.minimum, a, b)
         return self._extreme("<", a, b, kind)
 
     def _extreme(self, sign: str, a: Any, b: Any, kind: str) -> Any:
@@ -164,12 +168,12 @@ class Arithmetic:
     def convert(self, a: Any, old: str, new: str) -> Any:
         """A number of another kind."""
         if is_known(a):
-            return {"f": float, "i": int, "u": int, "b": bool}[new](a)
-        if old == new or (old, new) == ("b", "i"):
+            return nearest(a, new) if is_whole(new) else {"f": float, "b": bool}[new](a)
+        if old == new or (old == "b" and is_whole(new)):
             return a
         if new == "b":
             return self.writer.compute("b", "{} != 0", a)
-        return self.writer.compute(new, "(double){}" if new == "f" else "(long long){}", a)
+        return self.writer.compute(new, "(double){}" if new == "f" else to_nearest(new), a)
 
     def clamp(self, low: Any, a: Any, high: Any, kind: str) -> Any:
         return self.least(self.largest(a, low, kind), high, kind)
@@ -180,7 +184,7 @@ class Arithmetic:
         def call(*numbers: Any, kind: str = "f") -> Any:
             del kind
             if all(is_known(x) for x in numbers):
-                return _folded(known, *numbers)
+                return folded(known, *numbers)
             places = ", ".join("{}" for _ in numbers)
             return self.writer.compute("f", f"{name}({places})", *numbers)
 
@@ -197,7 +201,7 @@ class Arithmetic:
 
     def _sign(self, a: Any, kind: str = "f") -> Any:
         if is_known(a):
-            return _folded(np.sign, a)
+            return folded(np.sign, a)
         # Zero and NaN are their own signs.
         return self.writer.compute(kind, "{0} > 0 ? 1 : {0} < 0 ? -1 : {0}", a)
 
@@ -211,8 +215,10 @@ class Arithmetic:
 
     def _absolute(self, a: Any, kind: str = "f") -> Any:
         if is_known(a):
-            return abs(a)
-        return self.writer.compute(kind, "fabs({})" if kind == "f" else "{0} < 0 ? -{0} : {0}", a)
+            return wrapped(abs(a), kind)
+        if kind == "f":
+            return self.writer.compute(kind, "fabs({})", a)
+        return self.choose(self.elementwise["lt"](a, 0), a, self.neg(a, kind), kind)
 
     def _elementwise(self) -> dict[str, Function]:
         comparisons: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
@@ -224,8 +230,8 @@ class Arithmetic:
             "ne": ("{} != {}", np.not_equal),
             "xor": ("{} != {}", np.not_equal),
             # Searches in tables compare by these, where NaN comes last.
-            "lt_to": ("{0} < {1} || ({1} != {1} && {0} == {0})", _before),
-            "le_to": ("{0} <= {1} || {1} != {1}", lambda a, b: not _before(b, a)),
+            "lt_to": ("{0} < {1} || ({1} != {1} && {0} == {0})", before),
+            "le_to": ("{0} <= {1} || {1} != {1}", lambda a, b: not before(b, a)),
         }
         functions = {
             **{
@@ -241,7 +247,7 @@ class Arithmetic:
             "rem": ("fmod", np.fmod),
             "cbrt": ("cbrt", np.cbrt),
             **{name: (name, getattr(math, name)) for name in ("erf", "erfc")},
-            "lgamma": ("lgamma", _log_gamma),
+            "lgamma": ("lgamma", log_gamma),
         }
         known = {name: self._function(*each) for name, each in functions.items()}
         return {
@@ -267,16 +273,6 @@ class Arithmetic:
             **known,
             **{name: self._comparison(*each) for name, each in comparisons.items()},
         }
-
-
-def _log_gamma(a: float) -> float:
-    pole = a <= 0 and float(a).is_integer()
-    return math.inf if pole or math.isinf(a) else math.lgamma(a)
-
-
-def _before(a: Any, b: Any) -> bool:
-    """Whether a comes before b, where NaN comes last."""
-    return bool(a < b or (np.isnan(b) and not np.isnan(a)))
 
 
 def _minus(x: Any) -> Any:

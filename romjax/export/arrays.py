@@ -11,6 +11,7 @@ import numpy as np
 from .arithmetic import Arithmetic
 from .refuse import refuse
 from .terms import TYPES, Term, is_known
+from .widths import filling, is_whole
 
 Cells = np.ndarray  # of numbers of Python, and of terms
 Operands = list[Cells]
@@ -26,9 +27,10 @@ def kind_of(aval: Any) -> str:
             f"numbers of type {dtype}, since C is made in double precision",
             "ask for dtype=float where they are made",
         )
-    if dtype.kind not in TYPES:
+    kind = str(dtype) if dtype.kind in "iu" else str(dtype.kind)
+    if kind not in TYPES:
         refuse(f"numbers of type {dtype}", "use real numbers")
-    return str(dtype.kind)
+    return kind
 
 
 def cells(x: Any) -> Cells:
@@ -220,7 +222,7 @@ class Arrays:
         for a, b in zip(wanted, start, strict=True):
             same = self.arithmetic.both(same, self.arithmetic.elementwise["eq"](a, b, kind="b"))
         if fill is None:
-            fill = {"f": float("nan"), "b": True}.get(kind, -(2**63) if kind == "i" else 2**32 - 1)
+            fill = filling(kind) if is_whole(kind) else {"f": float("nan"), "b": True}[kind]
         pick = np.frompyfunc(lambda x: self.arithmetic.choose(same, fill, x, kind), 1, 1)
         return np.asarray(pick(part), dtype=object)
 

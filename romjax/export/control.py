@@ -18,6 +18,7 @@ from .scatter import Scatter
 from .sorting import Sorting
 from .terms import Writer, distinct, is_known
 from .whole import Whole
+from .widths import is_whole
 
 # What these hold is evaluated as it is: their derivatives were taken before, if any were.
 _PLAIN = {
@@ -130,7 +131,7 @@ class Control:
 
     def _convert_element_type(self, x: list[Cells], p: Any, kinds: list[str]) -> Cells:
         dtype = np.dtype(p["new_dtype"])
-        if kinds[0] in "iu" and dtype.kind in "iu":
+        if is_whole(kinds[0]) and dtype.kind in "iu":
             return over(lambda a: self.whole.converted(a, dtype), x)
         new = kind_of(jax.core.ShapedArray((), dtype))
         return over(lambda a: self.arithmetic.convert(a, kinds[0], new), x)

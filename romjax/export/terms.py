@@ -9,8 +9,10 @@ import numpy as np
 
 from .refuse import refuse
 
-# Types of C by kinds of numbers.
-TYPES = {"f": "double", "i": "long long", "u": "long long", "b": "int"}
+# The kinds of whole numbers of JAX, by the names of their types.
+WHOLE = tuple(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
+# Types of C by kinds of numbers; "i" are indices of the program's own, which stay small.
+TYPES = {"f": "double", "b": "int", **dict.fromkeys(("i", *WHOLE), "long long")}
 
 
 class Term:

@@ -12,12 +12,17 @@ from .arithmetic import Arithmetic
 from .arrays import Cells, Operands, over
 from .refuse import refuse
 from .terms import TYPES, is_known
+from .widths import WIDE, is_whole, narrowed, wrapped
 
 _BITS, _MASK = 64, 2**64 - 1  # of the type of C
-_NARROW = {8: "signed char", 16: "short", 32: "int"}
 _REDUCED = {"reduce_and": "and", "reduce_or": "or", "reduce_xor": "xor"}
 # What may leave the range of numbers without a sign, where they go on from its other end.
-_WRAPPED = {"add", "sub", "mul", "neg", "not", "shift_left"}
+_WRAPPED = {"not", "shift_left"}
+# By zero, and of the least number by -1.
+_DIVISIONS = {
+    "div": f"{{1}} == 0 ? -1 : {{1}} == -1 ? ({TYPES['i']})(0 - {WIDE}{{0}}) : {{0}} / {{1}}",
+    "rem": "{1} == 0 ? {0} : {1} == -1 ? 0 : {0} % {1}",
+}
 # What takes each bit of a number to be there; of fewer of them C has more.
 _OF_BITS = {"shift_left", "shift_right_logical"}
 
@@ -27,35 +32,24 @@ class Whole:
 
     def __init__(self, arithmetic: Arithmetic) -> None:
         self.writer = arithmetic.writer
-        wide = f"(unsigned {TYPES['i']})"
-        self._signed: dict[str, tuple[str, Callable[..., Any]]] = {
-            # By zero as XLA divides; C would end the process.
-            "div": ("{1} == 0 ? -1 : {0} / {1}", _quotient),
-            "rem": ("{1} == 0 ? {0} : {0} % {1}", lambda a, b: a - b * _quotient(a, b) if b else a),
+        self._operations: dict[str, tuple[str, Callable[..., Any]]] = {
+            "div": ("{} / {}", _quotient),
+            "rem": ("{} % {}", lambda a, b: a - b * _quotient(a, b) if b else a),
             "and": ("{} & {}", operator.and_),
             "or": ("{} | {}", operator.or_),
             "xor": ("{} ^ {}", operator.xor),
             "not": ("~{}", operator.invert),
-            "shift_left": (f"({TYPES['i']})({wide}{{}} << {{}})", operator.lshift),
+            "shift_left": (f"({TYPES['i']})({WIDE}{{}} << {{}})", operator.lshift),
             "shift_right_arithmetic": ("{} >> {}", operator.rshift),
             "shift_right_logical": (
-                f"({TYPES['i']})({wide}{{}} >> {{}})",
+                f"({TYPES['i']})({WIDE}{{}} >> {{}})",
                 lambda a, n: (a & _MASK) >> n,
             ),
-        }
-        self._unsigned: dict[str, tuple[str, Callable[..., Any]]] = {
-            **self._signed,
-            "add": (f"({TYPES['i']})({wide}{{}} + {{}})", operator.add),
-            "sub": (f"({TYPES['i']})({wide}{{}} - {{}})", operator.sub),
-            "mul": (f"({TYPES['i']})({wide}{{}} * {{}})", operator.mul),
-            "neg": ("-{}", operator.neg),
         }
 
     def takes(self, name: str, dtype: Any) -> bool:
         """Whether an operation of numbers of some type is one of those."""
-        kind = np.dtype(dtype).kind
-        mine = self._unsigned if kind == "u" else self._signed
-        return kind in "iu" and (name in mine or name in _REDUCED)
+        return is_whole(str(dtype)) and (name in self._operations or name in _REDUCED)
 
     def call(self, name: str, x: Operands, p: Any, dtype: Any) -> Cells:
         """The result of an operation that this takes."""
@@ -68,8 +62,7 @@ class Whole:
         return rows
 
     def _one(self, name: str, dtype: Any, *numbers: Any) -> Any:
-        mine = self._unsigned if dtype.kind == "u" else self._signed
-        pattern, known = mine[name]
+        (pattern, known), kind = self._operations[name], str(dtype)
         bits = 8 * dtype.itemsize
         wraps = dtype.kind == "u" and name in _WRAPPED
         if bits != _BITS if dtype.kind == "i" and name in _OF_BITS else bits == _BITS and wraps:
@@ -79,25 +72,24 @@ class Whole:
             if numbers[1] == _BITS:
                 return 0
         if all(is_known(x) for x in numbers):
-            value = known(*map(int, numbers))
-            return value % 2**bits if dtype.kind == "u" else _with_sign(value)
+            return wrapped(known(*map(int, numbers)), kind)
         if name == "and" and 0 in numbers:
             return 0
-        if wraps:
-            pattern = f"({pattern}) & {2**bits - 1}"
-        return self.writer.compute("i", pattern, *numbers, exact=bits < _BITS)
+        if name in _DIVISIONS and (not is_known(numbers[1]) or numbers[1] in (0, -1)):
+            # As XLA divides; C would end the process.
+            pattern = _DIVISIONS[name]
+        if wraps or name == "div":
+            pattern = narrowed(pattern, kind)
+        return self.writer.compute(kind, pattern, *numbers, exact=bits < _BITS)
 
     def converted(self, number: Any, dtype: Any) -> Any:
         """A whole number as one of another type, whose bits are the last ones of its own."""
-        bits = 8 * dtype.itemsize
-        if bits == _BITS:
-            return number
+        kind = str(dtype)
         if is_known(number):
-            return _with_sign(number, bits) if dtype.kind == "i" else number % 2**bits
-        pattern = (
-            f"({TYPES['i']})({_NARROW[bits]}){{}}" if dtype.kind == "i" else f"{{}} & {2**bits - 1}"
-        )
-        return self.writer.compute("i", pattern, number)
+            return wrapped(number, kind)
+        if kind == "int64":
+            return number
+        return self.writer.compute(kind, narrowed("{}", kind), number)
 
     def _count(self, name: str, by: Any) -> int:
         """By how many bits a shift goes; all of them leave nothing, but a sign."""
@@ -108,7 +100,7 @@ class Whole:
 
     def bitcast(self, x: Operands, p: Any, kinds: list[str]) -> Cells:
         """The bits of a double as a whole number, and back."""
-        old, new = kinds[0], np.dtype(p["new_dtype"])
+        old, new = "i" if kinds[0] == "int64" else kinds[0], np.dtype(p["new_dtype"])
         if {old, new.kind} - {"f", "i"} or 8 * new.itemsize != _BITS:
             refuse(f"the bits of a number as {new}", "take those of float64 as int64, and back")
         if old == new.kind:
@@ -130,9 +122,3 @@ def _quotient(a: int, b: int) -> int:
     if b == 0:
         return -1
     return abs(a) // abs(b) * (1 if (a < 0) == (b < 0) else -1)
-
-
-def _with_sign(value: int, bits: int = _BITS) -> int:
-    """A number of so many bits."""
-    value &= 2**bits - 1
-    return value - 2**bits if value >> (bits - 1) else value
