@@ -12,7 +12,7 @@ import scipy.special
 from comparison import assert_close
 from groups import in_groups
 from tolerances import DIFFERENCED, IDENTITY, SOLVED
-from zoo import GRAVITY, RODAS5P, TIGHT, bar, bars, run, system
+from zoo import GRAVITY, RODAS5P, TIGHT, bar, bars, oscillator, run, system
 
 import romjax as rj
 from romjax.events.search import first_crossing
@@ -400,3 +400,16 @@ def test_oscillations_in_step_with_the_nodes_are_no_rest():
 
     found = jax.jit(lambda: first_crossing(quantity, one, 1.5 * one, 1e-14 * one, both, both))()
     assert not found.is_resolved
+
+
+def test_functions_of_reduced_coordinates_are_refused():
+    """They would watch another motion, in silence."""
+    full = oscillator(frequencies=(2.0, 3.0), q0=[0.0, 0.0], v0=[0.0, 1.0])
+    rom = rj.reduce(full, rj.Basis.from_modes(np.eye(2)[:, 1:], np.zeros(2)), rj.Galerkin())
+    for event in (rj.Stop(height, 0.5), rj.Crossing(speed, 0.5)):
+        with pytest.raises(rj.InputError, match=r"events\[1\] watches gives .*system.state"):
+            rj.simulate(rom, TS, events=[rj.Crossing(last_height, 0.1), event])
+
+
+def last_height(system, t, q, v):
+    return system.state(t, q, v).q[1]

@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose
 
 import romjax as rj
 from romjax.basis.snapshots import SnapshotSet
-from romjax.integrate import left_out
-from romjax.integrate.left_out import TrainingError
+from romjax.integrate import left_out, training_error
+from romjax.integrate.training_error import TrainingError
 from romjax.reduction.formulation.parse import as_formulation
 from romjax.system.structure import Structure
 from romjax.system.training import training_of
@@ -96,7 +96,7 @@ def test_models_of_all_freedoms_are_not_told_of():
 def with_errors(rom, motion, error, **numbers):
     """Pretend that a model errs so much on its training."""
     training = training_of(rom)
-    known = left_out._numbers(rom)
+    known = training_error._numbers(rom)
     start = motion.t[0], motion.q[0], motion.v[0]
     elapsed = np.asarray(motion.t - motion.t[0])
     errors = np.full(len(elapsed), error)
@@ -217,9 +217,9 @@ def test_what_the_error_of_positions_hides_is_told_of():
     bends = np.array([label.startswith("pendulum.q") for label in motion.labels])
     small, large = (start + np.where(bends, size, 1.0) * (q - start) for size in (1e-2, 1.3e-2))
     truth, wrong = (dataclasses.replace(motion, q=x) for x in (small, large))
-    structure, resolved = motion.system.full.structure, left_out.resolution(truth, wrong)
-    assert left_out._hidden(structure, truth, small, resolved) == ("", 0.0)
-    hidden, missed = left_out._hidden(structure, truth, large, resolved)
+    structure, resolved = motion.system.full.structure, training_error.resolution(truth, wrong)
+    assert training_error._hidden(structure, truth, small, resolved) == ("", 0.0)
+    hidden, missed = training_error._hidden(structure, truth, large, resolved)
     assert hidden == "deflection of pendulum is wrong by 30 %"
     assert missed <= rj.compare(truth, wrong).error
 
@@ -280,15 +280,15 @@ def test_the_error_is_that_of_positions():
     q[1:, 0], q[1:, 2] = (1.0, 2.0), (50.0, 90.0)
     other = q.copy()
     other[1:, 1], other[1:, 2] = (0.1, -0.1), 0.0
-    assert_allclose(left_out._history(structure, q, other), [0.0, 0.1, 0.05])
+    assert_allclose(training_error._history(structure, q, other), [0.0, 0.1, 0.05])
     q[:, 0] = other[:, 0] = 7.0
-    assert_allclose(left_out._history(structure, q, other), [0.0, 1.0, 1.0])
-    assert_allclose(left_out._history(structure, q[:1], other[:1]), [0.0])
+    assert_allclose(training_error._history(structure, q, other), [0.0, 1.0, 1.0])
+    assert_allclose(training_error._history(structure, q[:1], other[:1]), [0.0])
     # Rounding of a mechanism at rest is none, and a model that moves errs by what it moves.
     rest, noise = np.ones((3, 9)), np.zeros((3, 9))
     noise[1:] = 1e-15
-    assert_allclose(left_out._history(structure, rest + noise, rest), 0.0, atol=1e-14)
-    assert_allclose(left_out._history(structure, rest, rest + 1e15 * noise), [0.0, 0.5, 0.5])
+    assert_allclose(training_error._history(structure, rest + noise, rest), 0.0, atol=1e-14)
+    assert_allclose(training_error._history(structure, rest, rest + 1e15 * noise), [0.0, 0.5, 0.5])
 
 
 @pytest.mark.instant
@@ -296,4 +296,4 @@ def test_quaternions_of_any_length_and_sign_are_turns():
     structure = dataclasses.replace(Structure.unnamed(7, 0), frames=(0,), quaternions=(3,))
     q = np.zeros((2, 7))
     q[:, 3:5] = [[1.0, 0.0], [0.6, 0.8]]
-    assert_allclose(left_out._history(structure, q, -2 * q), [0.0, 0.0], atol=1e-15)
+    assert_allclose(training_error._history(structure, q, -2 * q), [0.0, 0.0], atol=1e-15)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import romjax as rj
 from romjax.integrate import unmodelled
-from romjax.integrate.unmodelled import departure
+from romjax.integrate.departure import departure
 from romjax.system.training import with_error
 
 UNMODELLED = rj.Flag.UNMODELLED
@@ -23,19 +23,20 @@ WAY = np.max(1 - np.cos(OMEGA[0] * TIMES))
 
 
 class Pushed(eqx.Module):
-    """Springs, and a constant force on each coordinate."""
+    """Springs, and a force on each coordinate, constant or alternating."""
 
     springs: zoo.Stiffness
     push: Array
+    turning: Array
 
     def __call__(self, t, q, v):
-        return self.springs(t, q, v) + self.push
+        return self.springs(t, q, v) + self.push * jnp.cos(self.turning * t)
 
 
-def masses(push=(0.0, 0.0, 0.0, 0.0)):
+def masses(push=(0.0, 0.0, 0.0, 0.0), turning=0.0):
     """Masses of 1 kg on springs, each for itself, the first one released from 1 m."""
     springs = zoo.Stiffness(jnp.asarray(OMEGA**2), jnp.zeros(4))
-    force = Pushed(springs, jnp.asarray(push))
+    force = Pushed(springs, jnp.asarray(push), jnp.asarray(turning))
     return rj.CustomSystem(zoo.unit_mass, force, q0=np.eye(4)[0], v0=np.zeros(4))
 
 
@@ -64,6 +65,36 @@ def test_what_nothing_holds_goes_as_far_as_there_is_time(of_the_first):
     push = 1e-3
     other = of_the_first.with_full(masses(push * np.eye(4)[3]))
     assert_allclose(departure(other, run(other)), push * TIMES[-1] ** 2 / 2 / WAY, rtol=1e-3)
+
+
+def test_what_alternates_moves_a_free_mass_by_its_impulse(of_the_first):
+    """And not as far as if it lasted."""
+    push, turning = 2e-4, 20.0
+    other = of_the_first.with_full(masses(push * np.eye(4)[3], turning))
+    moved = run(other)
+    way = push * np.max(1 - np.cos(turning * TIMES)) / turning**2
+    assert 0.3 * way < departure(other, moved) * WAY < 3 * way
+    assert moved.is_valid
+
+
+def _gap(system, t, q, v):
+    """Between a wall and the first mass, on which the last one reaches out."""
+    moved = system.state(t, q, v).q
+    return moved[0] + 0.5 + 0.3 * moved[3]
+
+
+def test_impacts_across_a_model_are_told_of(of_the_first):
+    """Also of the motion that it was made of, to which they did not belong."""
+    wall = rj.Impact(_gap, restitution=0.8)
+    moved = rj.simulate(of_the_first, TIMES, events=[wall], throw=False)
+    assert moved.flags & UNMODELLED
+    # The impulse that turns back both masses together also moves the last one.
+    bounce = -1.8 * moved.events.v_before[0, 0] / (1 + 0.3**2)
+    way = 0.3 * bounce * (TIMES[-1] - moved.events.time[0])
+    size = np.ptp(moved.q[:, 0])
+    assert_allclose(departure(of_the_first, moved, (wall,)), way / size, rtol=0.1)
+    away = rj.Impact(_gap, level=-9.0)
+    assert rj.simulate(of_the_first, TIMES, events=[away], throw=False).is_valid
 
 
 def test_a_model_at_rest_tells_of_what_it_does_not_move(of_the_first):

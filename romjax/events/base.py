@@ -59,7 +59,9 @@ class Crossing(AbstractEvent):
 
     **Arguments:**
 
-    - `of`: a `romjax.quantity`, or any function of (system, t, q, v) that gives one number.
+    - `of`: a `romjax.quantity`, or any function of (system, t, q, v) that gives one number. In runs
+      of a reduced system q and v are its own, and the physical ones `system.state(t, q, v).q` and
+      `.v`; a function that takes the ones for the others is refused where JAX does not trace.
     - `level`: that it passes, in its unit. `direction`: "falling", "rising" or "both".
     """
 

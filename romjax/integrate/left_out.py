@@ -3,26 +3,25 @@
 import dataclasses
 import functools
 import operator
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from ..common.arrays import as_jax, concrete
 from ..common.compat import is_traced
 from ..common.errors import ReductionError
 from ..common.outside import outside_of_traces
-from ..linalg.quaternions import columns as quaternion_columns
+from ..events.base import AbstractEvent
 from ..system.base import AbstractSystem
 from ..system.flags import Flag
 from ..system.reduced import AbstractReducedSystem, reduced_of
-from ..system.structure import Structure
 from ..system.training import Training, training_error, training_of
-from .error_bar import MUCH, hidden
-from .group_errors import RESOLVED, group_errors, groups_with_members, resolution
+from .error_bar import MUCH
+from .group_errors import RESOLVED
 from .repeated import Simulate, after_impacts, undisturbed
+from .training_error import TrainingError, error_of
 from .trajectory import Trajectory
 from .unmodelled import flag_departure, has_fewer_freedoms
 
@@ -34,63 +33,17 @@ _TWICE = 2.0
 # A model that errs by such a share of a motion that it was not made of promises nothing; nor does
 # one that errs by so many tolerances more than the step size control does.
 _MARGIN, _STEPS = 0.1, 30.0
-# Numbers and starts are the training's where they are as near as rounding allows.
-_SAME = 1e-9
 # The least tolerance with which motions are repeated, also in units in the last place; and that for
 # motions in fixed steps, which have none.
 _SHARPEST, _DIGITS, _USUAL = 1e-8, 100, 1e-6
-# Displacements below, relative to where a body is, are rounding errors of a mechanism at rest.
-_REST = 1e-10
-# A motion as long as the training may be shorter by rounding.
-_SLACK = 1e-9
-
-
-class TrainingError(NamedTuple):
-    """The error of a model on one motion that it was made of, up to each of its times.
-
-    - `elapsed` (k,) [s]: since the start.
-    - `error` (k,): how far off the position of a body was at most, over the longest way of one; of
-      other coordinates where no body moves. Infinite where the model fails.
-    - `rtol`: of the less accurate one of both runs.
-    - `numbers`: those of the system that moved; `start`: (t, q, v) of the model's motion.
-    - `hidden`: the group of coordinates that errs most, in words, where the error of all does not
-      show it, as `Comparison.hidden`; `missed`: its error, over the motion of all.
-    """
-
-    elapsed: Float[np.ndarray, " k"]
-    error: Float[np.ndarray, " k"]
-    rtol: float
-    numbers: tuple[Any, ...] = ()
-    start: tuple[Any, ...] = ()
-    hidden: str = ""
-    missed: float = 0.0
-
-    def is_of(self, run: Trajectory, system: AbstractSystem) -> Any:
-        """Whether a run of a system is this motion, or a part of it from its start on."""
-        numbers = _numbers(system)
-        if len(numbers) != len(self.numbers):
-            return np.zeros((), bool)
-        pairs = list(zip(self.numbers, numbers, strict=True))
-        pairs += zip(self.start, (run.t[0], run.q[0], run.v[0]), strict=True)
-        others = [(one, other) for one, other in pairs if one is not other]
-        span: Any = run.t[-1] - run.t[0]
-        traced = any(is_traced(x) for x in (span, *(other for _, other in others)))
-        xp: Any = jnp if traced else np
-        same = xp.asarray(span) <= self.elapsed[-1] * (1 + _SLACK)
-        for one, other in others:
-            size = 1 + np.max(np.abs(one), initial=0.0)
-            same &= xp.max(xp.abs(xp.asarray(other) - np.asarray(one)), initial=0.0) <= _SAME * size
-        return same
-
-    def after(self, span: Any) -> Any:
-        """The error after a `span` [s]; that of the end after a longer one."""
-        xp: Any = np if isinstance(span, np.ndarray) else jnp
-        last = xp.searchsorted(self.elapsed, span * (1 + _SLACK), side="right") - 1
-        return xp.asarray(self.error)[last]
 
 
 def flag_left_out(
-    system: AbstractSystem, run: Trajectory, rtol: Any, simulate: Simulate
+    system: AbstractSystem,
+    run: Trajectory,
+    rtol: Any,
+    simulate: Simulate,
+    events: tuple[AbstractEvent, ...] = (),
 ) -> Trajectory:
     """The run, with `Flag.LEFT_OUT` where it is one of a reduced model that errs by more than a
     hundred tolerances `rtol`, and 1e-4, on the motions that it was made of, in as much time as the
@@ -98,9 +51,10 @@ def flag_left_out(
     none of these motions, and the model, of a kind that may err by more elsewhere, errs by more
     than a tenth of that on them.
 
-    A run that is none of these motions has `Flag.UNMODELLED` where forces move the mechanism out of
-    a model with fewer freedoms by as much, as far as `departure` tells, and by more than the double
-    of the error that somebody has estimated for the model.
+    A run that is none of these motions, or is struck by impacts of its `events` where they are not,
+    has `Flag.UNMODELLED` where forces or impulses move the mechanism out of a model with fewer
+    freedoms by as much, as far as `departure` tells, and by more than the double of the error that
+    somebody has estimated for the model.
 
     The model repeats its motions once, by `simulate` before its first run, also where JAX traces
     that. It is the error of the training and no bound for other motions, of which
@@ -124,7 +78,7 @@ def flag_left_out(
     if rom is not None:
         estimated = float(np.fmax(_TWICE * np.asarray(training_error(system)), 0))
         limit = _allowed(jnp if is_traced(rtol) else np, rtol, estimated / _ALLOWED)
-        told |= flag_departure(rom, run, limit, tried)
+        told |= flag_departure(rom, run, limit, tried, events)
     flags = concrete(run.flags)
     if is_traced(told) or flags is None:
         return dataclasses.replace(run, flags=run.flags | told)
@@ -164,12 +118,6 @@ def _is_predictive(system: AbstractSystem) -> bool:
     training = training_of(system)
     recipe = None if training is None else training.recipe
     return recipe is not None and bool(recipe.formulation.is_predictive)
-
-
-def _numbers(system: AbstractSystem) -> tuple[Any, ...]:
-    """The numbers of the mechanism, in a fixed order."""
-    leaves = jax.tree.leaves(system.full)
-    return tuple(x for x in leaves if hasattr(x, "dtype") and jnp.issubdtype(x.dtype, jnp.inexact))
 
 
 def _promised(xp: Any, rtol: Any, measured: float) -> Any:
@@ -227,67 +175,8 @@ def _error(rom: AbstractReducedSystem, motion: Trajectory, simulate: Simulate) -
     """Return the training error of a reduced model on one motion."""
     least = max(_SHARPEST, _DIGITS * float(np.finfo(motion.q.dtype).eps))
     given = _USUAL if motion.stats.rtol is None else float(motion.stats.rtol)
-    rtol, times = max(given, least), np.asarray(motion.t)
-    error, hides = np.full(len(times), np.inf), ("", 0.0)
-    run = simulate(rom, times[: undisturbed(motion)], rtol=rtol)
-    if run.success:
-        structure, q = motion.system.full.structure, np.asarray(motion.q)
-        other = after_impacts(rom, motion, run, rtol, simulate)
-        error = _history(structure, q, other)
-        if np.all(np.isfinite(other)):
-            hides = _hidden(structure, motion, other, resolution(motion, run))
-    start = run.t[0], run.q[0], run.v[0]
-    return TrainingError(times - times[0], error, rtol, _numbers(rom), start, *hides)
-
-
-def _hidden(
-    structure: Structure, motion: Trajectory, other: np.ndarray, resolved: Any
-) -> tuple[str, float]:
-    """Return what the error of a motion hides, as `TrainingError` has it."""
-    q, other = _alike(structure, np.asarray(motion.q), other)
-    metric, way, apart = np.asarray(motion.metric), q - q[:1], other - q
-    size, error = (np.sqrt(max(np.sum((x @ metric) * x), 0.0)) for x in (way, apart))
-    if not size > 0:
-        return "", 0.0
-    groups, members = groups_with_members(motion.coordinates, q.dtype)
-    weights: Any = np.diagonal(metric)
-    whole: Any = np.asarray(size)
-    errors = group_errors(apart, way, weights, members, resolved, whole)
-    words = hidden(error / size, errors, groups)
-    if not words:
-        return "", 0.0
-    missed = group_errors(apart, way, weights, members, np.asarray(1.0), whole)
-    return words, float(missed[np.argmax(errors)])
-
-
-def _history(structure: Structure, q: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the largest difference so far over the longest way so far, at each time; of a
-    mechanism that rests, over where it is.
-    """
-    q, other = _alike(structure, q, other)
-    ways, apart = np.abs(q - q[:1]), np.abs(other - q)
-    moves = np.max(ways, axis=0) > _REST * (1 + np.max(np.abs(q), axis=0))
-    places = np.ravel(structure.positions)
-    if not np.any(moves):
-        # Rounding is no way that errors are relative to.
-        return np.maximum.accumulate(np.max(apart / (1 + np.abs(q)), axis=1))
-    columns = places if np.any(moves[places]) else np.arange(q.shape[1])
-    way, off = (np.maximum.accumulate(np.max(x[:, columns], axis=1)) for x in (ways, apart))
-    return np.where(way > 0, off / np.where(way > 0, way, 1), 0)
-
-
-def _alike(structure: Structure, q: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return both motions with quaternions of unit length, and of the signs of the first."""
-    if not structure.quaternions:
-        return q, other
-    q, other = (_of_unit_length(x, structure.quaternions) for x in (q, other))
-    table = quaternion_columns(structure.quaternions)
-    opposed = np.sum(q[:, table] * other[:, table], axis=2, keepdims=True) < 0
-    other[:, table] *= np.where(opposed, -1.0, 1.0)
-    return q, other
-
-
-def _of_unit_length(q: np.ndarray, starts: tuple[int, ...]) -> np.ndarray:
-    scaled, table = q.copy(), quaternion_columns(starts)
-    scaled[:, table] /= np.linalg.norm(q[:, table], axis=2, keepdims=True)
-    return scaled
+    rtol = max(given, least)
+    run = simulate(rom, np.asarray(motion.t)[: undisturbed(motion)], rtol=rtol)
+    q = np.asarray(motion.q)
+    q = after_impacts(rom, motion, run, rtol, simulate) if run.success else q
+    return error_of(motion, run, rtol, q)

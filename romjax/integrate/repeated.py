@@ -4,10 +4,12 @@ import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..common.arrays import as_jax
+from ..common.compat import is_traced
 from ..common.errors import ReductionError
 from ..events.impact import struck
 from ..system.reduced import AbstractReducedSystem
@@ -20,7 +22,7 @@ _IMPACTS = 16
 
 def undisturbed(motion: Trajectory) -> int:
     """The number of output times until an impact or a stop first changes a motion."""
-    first = np.min(_impacts(motion).time, initial=np.inf)
+    first = np.min(impacts_of(motion).time, initial=np.inf)
     return int(np.sum(np.asarray(motion.t)[: _moving(motion)] <= first))
 
 
@@ -57,7 +59,7 @@ class _Impacts(NamedTuple):
     after: Any
 
 
-def _impacts(motion: Trajectory) -> _Impacts:
+def impacts_of(motion: Trajectory) -> _Impacts:
     """The events of a motion that change velocities."""
     events = motion.events
     if events is None:
@@ -69,9 +71,21 @@ def _impacts(motion: Trajectory) -> _Impacts:
     return _Impacts(*(x[change] for x in impacts))
 
 
+def number_of_impacts(run: Trajectory) -> Any:
+    """How often impacts change velocities in a run."""
+    events = run.events
+    if events is None:
+        return 0
+    rows = (events.count, events.v_before, events.v_after)
+    xp: Any = jnp if any(is_traced(x) for x in rows) else np
+    count, before, after = (xp.asarray(x) for x in rows)
+    change = xp.any(before != after, axis=1)
+    return xp.sum(change & (xp.arange(len(change)) < count))
+
+
 def _longest(motion: Trajectory) -> list[tuple[_Impacts, slice]]:
     """The impacts with the most output times until the next, and these."""
-    impacts, t = _impacts(motion), np.asarray(motion.t)[: _moving(motion)]
+    impacts, t = impacts_of(motion), np.asarray(motion.t)[: _moving(motion)]
     ends = [*np.searchsorted(t, impacts.time, side="right"), len(t)]
     each = [_Impacts(*one) for one in zip(*impacts, strict=True)]
     pieces = [(one, slice(*rows)) for one, rows in zip(each, itertools.pairwise(ends), strict=True)]

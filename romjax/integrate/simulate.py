@@ -123,8 +123,8 @@ def simulate(
     q, v = _check_start(system, q0, v0)
     times = check_times("simulate", ts, q.dtype)
     # Events, monitors and controllers ask for bodies and coordinates by their names.
-    watched, monitors = check_events(events, max_events), check_monitors(follow)
-    bare = system if watched or monitors or ticks(system) else without_names(system)
+    watched = check_events(events, max_events, system, times, q, v)
+    bare = system if watched or follow or ticks(system) else without_names(system)
     again = partial(_training, solver, stabilization, audit)
     step, known_start = None if dt is None else as_number(dt, q.dtype), None
     if solver is None or stabilization == "default":
@@ -146,10 +146,10 @@ def simulate(
         events=watched,
         max_events=max_events,
         dense=_DENSE_STEPS if dense is True else int(dense),
-        monitors=monitors,
+        monitors=check_monitors(follow),
     )
     trajectory, start = _run_well(system, partial(run, system, bare, times, q, v), settings)
-    trajectory = flag_left_out(system, trajectory, settings.rtol, again)
+    trajectory = flag_left_out(system, trajectory, settings.rtol, again, watched)
     if isinstance(stabilization, Baumgarte):
         warn_of_fast_stabilization(bare, trajectory, q, v)
     if throw:
