@@ -68,15 +68,30 @@ def test_the_error_asked_for_is_kept(truth, cart_pendulum, others, formulation, 
     """
     rom = rj.reduce_to(cart_pendulum, truth, tol, formulation=formulation)
     settings = {"rtol": min(1e-4 * tol, 1e-7), "throw": False}  # well below the error of the model
-    error = rj.compare(truth, rj.simulate(rom, truth.t, **settings)).error
+    approx = rj.simulate(rom, truth.t, **settings)
+    report = rj.compare(truth, approx)
+    error = report.error
     assert error <= tol
     assert error <= 2 * rom.validity.error
+    assert bool(approx.flags & rj.Flag.LEFT_OUT) == bool(report.hidden())
     assert f"for tol {tol:g}" in rom.summary
     for number, (system, run) in enumerate(others):
         approx = rj.simulate(rom.with_full(system), truth.t, **settings)
         flagged = approx.flags != rj.Flag.NONE  # a run that failed is no flagged one
         assert flagged or rj.compare(run, approx).error <= HELD_OUT * tol
         assert flagged or number > 0
+
+
+@pytest.mark.slow
+def test_what_the_norm_hides_is_told_of(truth, cart_pendulum):
+    """One coordinate holds the motion of the cart, beside which the pendulum bends little."""
+    rom = rj.reduce_to(cart_pendulum, truth, 3e-2, formulation="minimal")
+    approx = rj.simulate(rom, truth.t, rtol=1e-7)
+    report = rj.compare(truth, approx)
+    assert report.error <= 3e-2
+    assert report.hidden() == "deflection of pendulum is wrong by 100 %"
+    assert approx.flags & rj.Flag.LEFT_OUT
+    assert all(report.hidden() in words for words in (approx.warnings(), rom.summary))
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ class TrainingError(NamedTuple):
     - `elapsed` (k,) [s]: since the start.
     - `error` (k,): how far off the position of a body was at most, over the longest way of one; of
       other coordinates where no body moves. Infinite where the model fails.
-    - `rtol`: of the less accurate one of both runs.
+    - `rtol`: of the less accurate one of both runs, or the error that was asked of the model.
     - `numbers`: those of the system that moved; `start`: (t, q, v) of the model's motion;
       `impacts` (i,) [s]: since the start, when velocities changed in the motion.
     - `hidden`: the group of coordinates that errs most, in words, where the error of all does not
@@ -94,7 +94,8 @@ def error_of(
 
     `q`: coordinates of the model at the times of the motion; of no meaning where the run failed.
     """
-    times, structure = np.asarray(motion.t), motion.system.full.structure
+    # Motions that were made within a transformation of JAX do not know their system.
+    times, structure = np.asarray(motion.t), run.system.full.structure
     error, hides = np.full(len(times), np.inf), ("", 0.0)
     if run.success:
         error = _history(structure, np.asarray(motion.q), q)

@@ -1,6 +1,7 @@
 """The motions that a reduced model was made of, remembered with it."""
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -93,12 +94,14 @@ def forget_training(rom: AbstractSystem) -> None:
         training.motions, training.errors, training.has_fewer_freedoms = (), (), False
 
 
-def with_error(rom: S, error: float) -> S:
-    """The model with an error that somebody has estimated, in place of that on its training."""
+def with_error(rom: S, error: float, errors: Iterable[Any] = ()) -> S:
+    """The model with an error that somebody has estimated, in place of that on its training, and
+    with those of its runs on the motions of that.
+    """
     training, estimate = training_of(rom), jnp.asarray(error)
     if training is not None:
         other = Training(training.rom, (), training.recipe)
-        other.finer = training.finer
+        other.errors, other.finer = tuple(errors), training.finer
         _trainings.put(estimate, other)
     same: S = eqx.tree_at(lambda model: model.validity.error, rom, estimate)
     return same

@@ -125,7 +125,7 @@ class Greedy:
         finer, validity = finer_of(rom), rom.validity
         if validity is not None and self.reached is not None:
             rom = eqx.tree_at(lambda r: r.validity, rom, validity.including(self.reached))
-            rom = with_error(rom, self.error)
+            rom = with_error(rom, self.error, accepted.errors(self.search))
         return ReducedBox(
             box=self.box,
             rom=rom,

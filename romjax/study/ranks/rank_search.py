@@ -1,6 +1,7 @@
 """The smallest rank that is good enough, and the runs that say so."""
 
 import dataclasses
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ from ...basis.decomposition.pod import POD
 from ...basis.snapshots import Motion, Sensitivity
 from ...common.errors import RankError, ReductionError
 from ...integrate.simulate import simulate
+from ...integrate.training_error import TrainingError, error_of
 from ...integrate.trajectory import Trajectory
 from ...reduction.formulation.base import AbstractFormulation
 from ...reduction.reduce import reduce
@@ -40,6 +42,11 @@ class Accepted(NamedTuple):
 
     candidate: Candidate
     estimate: float  # of its error on the training
+
+    def errors(self, search: "RankSearch") -> tuple[TrainingError, ...]:
+        """Its errors on each training run of a search, which has asked for its `tol`."""
+        pairs = zip(search.truths, self.candidate.runs, strict=True)
+        return tuple(error_of(truth, run, search.tol, np.asarray(run.q)) for truth, run in pairs)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,6 +160,12 @@ def held_out_error(
     except ReductionError:
         return np.inf
     return _finite([float(compare(truth, run).error)])
+
+
+def first_hidden(errors: Iterable[TrainingError]) -> str:
+    """What the norm hides in a training run, for a summary; "" where it hides nothing."""
+    hidden = next((one.hidden for one in errors if one.hidden), "")
+    return f"; {hidden}, which a smaller tol mends" if hidden else ""
 
 
 def sharper(tol: float) -> float:

@@ -14,7 +14,7 @@ from ...system.base import AbstractSystem
 from ...system.reduced import AbstractReducedSystem
 from ...system.training import with_error
 from ..sweeps.batch import simulate_all
-from .rank_search import RankSearch, held_out_error, sharper
+from .rank_search import RankSearch, first_hidden, held_out_error, sharper
 
 
 def reduce_to(
@@ -44,7 +44,9 @@ def reduce_to(
 
     Returns the reduced system. Its `validity` holds the `error`, estimated on the training and
     measured on all variations, and how far the snapshots reach; `Trajectory.warnings` tells of a
-    later run beyond. Its `summary` says in words what was done.
+    later run beyond. Its `summary` says in words what was done, and what the norm hides, as
+    `Comparison.hidden`: a body that bends little beside the motion of all, and wrongly. That has
+    `Flag.LEFT_OUT` in runs of the model; a smaller `tol` is the remedy.
 
     Raises ReductionError if no rank is good enough, naming the best one; InputError for variations
     that differ in structure or cannot be simulated.
@@ -65,11 +67,11 @@ def reduce_to(
         while remaining:
             pairs = zip(remaining, unseen, strict=True)
             model = accepted.candidate.rom
-            errors = [held_out_error(model, *pair, sharper(tol)) for pair in pairs]
-            held_out = max(errors)
+            unseen_errors = [held_out_error(model, *pair, sharper(tol)) for pair in pairs]
+            held_out = max(unseen_errors)
             if held_out <= tol:
                 break
-            worst = errors.index(held_out)
+            worst = unseen_errors.index(held_out)
             search.systems.append(remaining.pop(worst))
             search.truths.append(unseen.pop(worst))
             accepted = search.smallest(accepted.candidate.basis.rank, bar)
@@ -79,6 +81,8 @@ def reduce_to(
     if remaining:
         error = max(error, held_out)
         words += f", at most {held_out:.1e} on {len(remaining)} variations that are not among them"
-    rom: Any = with_error(accepted.candidate.rom, error)
+    errors = accepted.errors(search)
+    words += first_hidden(errors)
+    rom: Any = with_error(accepted.candidate.rom, error, errors)
     accurate: AbstractReducedSystem = dataclasses.replace(rom, summary=rom.summary + words)
     return accurate
