@@ -84,10 +84,10 @@ def simulate(
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
       these units and relative to each coordinate (`romjax/march/tolerances.py`). Where bodies
       turn N times at the angular velocity of their start, and no joint prescribes a motion, steps
-      take 9 / N² of that, from three turns to a hundred (`romjax/integrate/turning.py`). The
-      iterations of implicit methods of diffrax take `rtol` in metres for `atol`; with these, a
-      motion of less than a centimetre is repeated with both as much smaller as it is (not while
-      JAX traces, where `Trajectory.flags` says so).
+      take 9 / N² of that, from three turns to a hundred; those of explicit methods a quarter at
+      most (`romjax/integrate/turning.py`). The iterations of implicit methods of diffrax take
+      `rtol` in metres for `atol`; with these, a motion of less than a centimetre is repeated with
+      both as much smaller as it is (not while JAX traces, where `Trajectory.flags` says so).
     - `dt`: a fixed step [s] instead of step size control. With it, steps end where signals have
       corners, and see each cycle of those that vibrate (`AbstractSignal`); fixed steps do not.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical

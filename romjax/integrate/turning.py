@@ -1,13 +1,20 @@
-"""Tolerances of the steps of runs in which bodies turn many times.
+"""Tolerances of steps by which runs in which bodies turn many times, and motions that magnify
+errors, are right.
 
 Errors of the steps change the energy of a body that turns, all with one sign, so that its angular
 velocity drifts in proportion to the turns N and to the tolerance, and its angle as N². With
 tolerances that go with 1/N² the error of the angle is the same after a hundred turns as after
 three; methods of a high order err by less the tighter they are.
+
+Explicit methods are as accurate in any run as in one of six turns, at a quarter of the tolerance,
+whether anything turns or not. A motion close to an unstable equilibrium magnifies errors, as of a
+bar that is let go near its top, some hundred times without any sign of it. Dopri8 takes a sixth
+more steps, and errs three times less in most motions, and six to two hundred times less there.
 """
 
 from typing import Any
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +29,8 @@ from .settings import Settings
 
 # Turns after which angles of free bodies and whirling pendulums err by 5 to 50 times the tolerance.
 _TURNS = 3.0
+# Turns that explicit methods allow for at least.
+_FEWEST = 6.0
 # Turns beyond which steps get no shorter: those of Rodas5P are four times as many by then, and a
 # run that an event or a brake ends early has paid for turns that it does not make.
 _MOST = 100.0
@@ -42,13 +51,15 @@ def turning(
     return jax.lax.stop_gradient(spin(full, state.q, state.v))
 
 
-def turning_rtol(rtol: Any, turning: Float[Array, ""], span: Any) -> Float[Array, ""]:
+def turning_rtol(
+    rtol: Any, turning: Float[Array, ""], span: Any, fewest: float = _TURNS
+) -> Float[Array, ""]:
     """The relative tolerance of the steps of a run that lasts for `span` [s], in which bodies go on
-    with the angular velocity `turning` of its start.
+    with the angular velocity `turning` of its start, but make the `fewest` turns at least.
     """
     turns = turning * jax.lax.stop_gradient(span) / (2 * np.pi)
     least = jnp.minimum(rtol, _DIGITS * jnp.finfo(turns.dtype).eps)
-    return jnp.maximum(rtol * (_TURNS / jnp.clip(turns, _TURNS, _MOST)) ** 2, least)
+    return jnp.maximum(rtol * (_TURNS / jnp.clip(turns, fewest, _MOST)) ** 2, least)
 
 
 def for_turns(
@@ -59,15 +70,17 @@ def for_turns(
     v0: Float[Array, " n"],
     settings: Settings,
 ) -> Settings:
-    """The settings of a run with tolerances of its steps for as many turns as bodies make in it;
-    tolerances that are given, and do not follow the motion, stay.
+    """The settings of a run with tolerances of its steps for as many turns as bodies make in it,
+    and for no fewer than any run allows for; tolerances that are given, and do not follow the
+    motion, stay.
     """
-    if settings.dt is not None or not system.full.structure.frames:
+    if settings.dt is not None:
         return settings
     chart = None if post_step is None else post_step.start(system)
     if chart is not None:
         system = local_system(system, post_step, (q0, v0, chart))
-    finer = turning_rtol(settings.rtol, turning(system, ts[0], q0, v0), ts[-1] - ts[0])
+    fewest = _FEWEST if isinstance(settings.solver, diffrax.AbstractERK) else _TURNS
+    finer = turning_rtol(settings.rtol, turning(system, ts[0], q0, v0), ts[-1] - ts[0], fewest)
     # The `atol` of root finders may be finer already.
     rtol = jnp.where(settings.follow, finer, settings.rtol)
     atol = jnp.where(settings.follow, jnp.minimum(settings.atol, finer), settings.atol)
