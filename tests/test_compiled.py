@@ -85,7 +85,8 @@ DEFAULTS = {
 
 @pytest.mark.parametrize("name", in_groups(DEFAULTS, slow=["stiff", "loop"]))
 def test_defaults_are_those_of_simulate(name):
-    compared(DEFAULTS[name]())
+    # In half a second rounding decides whether a step of the loop is accepted.
+    compared(DEFAULTS[name](), TS * 1.2 if name == "loop" else TS)
 
 
 @pytest.mark.slow

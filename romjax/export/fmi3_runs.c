@@ -93,7 +93,8 @@ static int advance(memory *m, double end) {
                 m->given, NULL, m->rtol};
   int status = SUCCESS, steps = 0, kept = 1;
   s.least = 4 * EPS * larger(fabs(m->t), fabs(end));
-  if (m->length == 0) m->length = larger(1e-3 * pow(s.rtol, 0.2) * (end - m->t), s.least);
+  s.fine = turning_rtol(&s, 0, 0);
+  if (m->length == 0) m->length = larger(1e-3 * pow(s.fine, 0.2) * (end - m->t), s.least);
   while (m->t < end && status == SUCCESS) {
     double dt, next = limited(&s, m->t, m->t + m->length, kept);
     int cut = next < m->t + m->length;

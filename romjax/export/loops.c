@@ -119,13 +119,6 @@ static int resolved(const settings *s, const outputs *out, int64_t steps) {
   return s->follow ? fine : best >= smaller(1e-2 / s->rtol, 1e4);
 }
 
-/* As romjax/integrate/turning.py has it. */
-static double turning_rtol(double rtol, double turning, double span) {
-  double turns = turning * span / (2 * 3.141592653589793);
-  double share = 3 / smaller(larger(turns, 3), 100);
-  return larger(rtol * share * share, smaller(rtol, 500 * EPS));
-}
-
 static void begin_run(const double *x0, const settings *s, int own, double *y) {
   double start[X];
   model_initial(s->given, start KEPT(s->kept + KEPT_AT_INITIAL));
@@ -152,7 +145,7 @@ void model_run(const double *x0, const double *given, const double *ts, int64_t 
   begin_run(x0, &s, (int)counts[3], m.y);
   model_start(t, m.y, given, good, &apart, &turning);
   out.apart = apart;
-  if (s.follow) s.fine = turning_rtol(s.rtol, turning, s.t1 - t);
+  if (s.follow) s.fine = turning_rtol(&s, turning, s.t1 - t);
   m.fresh = 1;
 #ifdef ALONG
   slope(t, m.y, &s, 0, m.k[0]);

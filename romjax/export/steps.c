@@ -27,7 +27,7 @@ typedef struct {
   int64_t max_steps;
   const double *corner, *given;
   double *kept;
-  double fine; /* rtol of steps, which is smaller where bodies turn many times */
+  double fine; /* rtol of steps, as turning_rtol has it */
 } settings;
 
 /* Where numbers are kept: those of the rates of each stage first. */
@@ -58,6 +58,13 @@ static void slope(double t, const double *x, const settings *s, int stage, doubl
 }
 
 /* Tolerances. */
+
+/* As romjax/integrate/turning.py has it. */
+static double turning_rtol(const settings *s, double turning, double span) {
+  double turns = turning * span / (2 * 3.141592653589793), fewest = s->method == DOPRI8 ? 5 : 3;
+  double share = 3 / smaller(larger(turns, fewest), 100);
+  return larger(s->rtol * share * share, smaller(s->rtol, 500 * EPS));
+}
 
 static void extend(reach *r, const double *x) {
   for (int i = 0; i < N; i++) {

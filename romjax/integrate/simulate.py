@@ -84,7 +84,7 @@ def simulate(
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
       these units and relative to each coordinate (`romjax/march/tolerances.py`). Where bodies
       turn N times at the angular velocity of their start, and no joint prescribes a motion, steps
-      take 9 / N² of that, from three turns to a hundred; those of explicit methods a quarter at
+      take 9 / N² of that, from three turns to a hundred; those of explicit methods 9 / 25 at
       most (`romjax/integrate/turning.py`). The iterations of implicit methods of diffrax take
       `rtol` in metres for `atol`; with these, a motion of less than a centimetre is repeated with
       both as much smaller as it is (not while JAX traces, where `Trajectory.flags` says so).

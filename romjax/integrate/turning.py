@@ -6,10 +6,10 @@ velocity drifts in proportion to the turns N and to the tolerance, and its angle
 tolerances that go with 1/N² the error of the angle is the same after a hundred turns as after
 three; methods of a high order err by less the tighter they are.
 
-Explicit methods are as accurate in any run as in one of six turns, at a quarter of the tolerance,
+Explicit methods are as accurate in any run as in one of five turns, at a third of the tolerance,
 whether anything turns or not. A motion close to an unstable equilibrium magnifies errors, as of a
-bar that is let go near its top, some hundred times without any sign of it. Dopri8 takes a sixth
-more steps, and errs three times less in most motions, and six to two hundred times less there.
+bar that is let go near its top, some hundred times without any sign of it. Dopri8 takes an eighth
+more steps, and errs half as much in most motions, and four to thirty times less in those.
 """
 
 from typing import Any
@@ -30,7 +30,7 @@ from .settings import Settings
 # Turns after which angles of free bodies and whirling pendulums err by 5 to 50 times the tolerance.
 _TURNS = 3.0
 # Turns that explicit methods allow for at least.
-_FEWEST = 6.0
+_FEWEST = 5.0
 # Turns beyond which steps get no shorter: those of Rodas5P are four times as many by then, and a
 # run that an event or a brake ends early has paid for turns that it does not make.
 _MOST = 100.0
