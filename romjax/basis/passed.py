@@ -39,8 +39,7 @@ def _jumps(motion: Any) -> np.ndarray:
     events = getattr(motion, "events", None)
     if events is None:
         return np.zeros(0)
-    before, after = (np.asarray(x) for x in (events.v_before, events.v_after))
-    times: np.ndarray = np.asarray(events.time)[np.any(before != after, axis=1)]
+    times: np.ndarray = np.asarray(events.time)[events.is_impact]
     return times
 
 

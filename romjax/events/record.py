@@ -4,9 +4,11 @@ import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..common.compat import is_traced
 from ..common.described import Described
 
 
@@ -42,6 +44,18 @@ class Events(eqx.Module):
             "v_after": Described(("occurrence", "coordinate"), "", "their rates after"),
             "lasting": Described((), "", "whether the run ended since bodies stayed in contact"),
         }
+
+    @property
+    def is_impact(self) -> Bool[Array | np.ndarray, " most"]:
+        """Whether each row is of an impact, which changes velocities; of one run, by NumPy where
+        JAX does not trace.
+        """
+        rows = (self.count, self.v_before, self.v_after)
+        xp: Any = jnp if any(is_traced(x) for x in rows) else np
+        count, before, after = (xp.asarray(x) for x in rows)
+        changes: Array | np.ndarray = xp.any(before != after, axis=1)
+        changes &= xp.arange(len(before)) < count
+        return changes
 
     def without_unused(self) -> "Events":
         """The record without unused rows; of one run, where JAX does not trace."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .known import before, folded, log_gamma
+from .folding import before, folded, log_gamma
 from .terms import Term, Writer, is_known
 from .widths import is_whole, nearest, to_nearest, wrapped, wrapping
 

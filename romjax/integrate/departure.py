@@ -91,15 +91,15 @@ def _impacts(run: Trajectory, events: tuple[AbstractEvent, ...]) -> _Impacts | N
     record = run.events
     if record is None or not any(event.resets for event in events):
         return None
-    rows = (record.time, record.q, record.v_before, record.v_after, record.impulse, record.count)
-    traced = any(is_traced(x) for x in rows)
-    xp: Any = jnp if traced else np
-    t, q, before, after, impulse, count = (xp.asarray(x) for x in rows)
-    given = _Impacts(t, q, after - before, impulse)
-    used = xp.arange(len(t)) < count
-    sizes = xp.where(used, xp.sum(given.jump**2, axis=1), 0)
-    if not traced and not np.any(sizes > 0):
+    rows = (record.time, record.q, record.v_before, record.v_after, record.impulse)
+    used = record.is_impact
+    traced = any(is_traced(x) for x in (*rows, used))
+    if not traced and not np.any(used):
         return None
+    xp: Any = jnp if traced else np
+    t, q, before, after, impulse = (xp.asarray(x) for x in rows)
+    given = _Impacts(t, q, after - before, impulse)
+    sizes = xp.where(used, xp.sum(given.jump**2, axis=1), 0)
     # As many rows for runs with any number of impacts, of which those at the end change nothing.
     room = max(_STATES - len(t), 0)
     largest = xp.argsort(-sizes)[:_STATES]
@@ -170,9 +170,9 @@ def _unbalanced(
     """What moves the mechanism out of its model at one state, Δ, and its size."""
     full = system.full
     state, modelled = full.state(t, q, v), lifted_acceleration(system, t, q, v)
-    moves = jnp.ones_like(q).at[np.array(full.structure.states, int)].set(0)
     free = jnp.zeros(full.m, q.dtype)
-    push = moves * state.kkt().solve(-state.residual(modelled), free)[0]
+    push = state.kkt().solve(-state.residual(modelled), free)[0]
+    push = full.structure.without_states(push)
     # A singular state tells nothing.
     push = jnp.where(jnp.all(jnp.isfinite(push)), push, 0)
     return push, multiply(push, state.apply_mass(push))
@@ -211,7 +211,6 @@ def _directions(
     directions, and the size of `start` along each.
     """
     state = full.state(t, q, v)
-    moves = jnp.ones_like(q).at[np.array(full.structure.states, int)].set(0)
     # Difference quotients, of steps that are small in this motion: the derivative would double the
     # program for a rough number.
     step = jnp.cbrt(jnp.finfo(q.dtype).eps) * size
@@ -221,7 +220,8 @@ def _directions(
         directions, products, first = at
         last = directions[k - 1]
         acceleration = solve(full, t, q + step * last, v, None).acceleration
-        x = jnp.where(k == 0, start, moves * (first - acceleration) / step)
+        pushed = full.structure.without_states(first - acceleration)
+        x = jnp.where(k == 0, start, pushed / step)
         along = multiply(directions, state.apply_mass(x))
         left = x - multiply(along, directions)
         long = jnp.sqrt(jnp.maximum(multiply(left, state.apply_mass(left)), 0))

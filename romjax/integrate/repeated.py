@@ -4,12 +4,10 @@ import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..common.arrays import as_jax
-from ..common.compat import is_traced
 from ..common.errors import ReductionError
 from ..events.impact import struck
 from ..system.reduced import AbstractReducedSystem
@@ -64,23 +62,8 @@ def impacts_of(motion: Trajectory) -> _Impacts:
     events = motion.events
     if events is None:
         return _Impacts(*np.zeros((4, 0)))
-    count = int(events.count)
     rows = (events.time, events.q, events.v_before, events.v_after)
-    impacts = _Impacts(*(np.asarray(x)[:count] for x in rows))
-    change = np.any(impacts.before != impacts.after, axis=1)
-    return _Impacts(*(x[change] for x in impacts))
-
-
-def number_of_impacts(run: Trajectory) -> Any:
-    """How often impacts change velocities in a run."""
-    events = run.events
-    if events is None:
-        return 0
-    rows = (events.count, events.v_before, events.v_after)
-    xp: Any = jnp if any(is_traced(x) for x in rows) else np
-    count, before, after = (xp.asarray(x) for x in rows)
-    change = xp.any(before != after, axis=1)
-    return xp.sum(change & (xp.arange(len(change)) < count))
+    return _Impacts(*(np.asarray(x)[events.is_impact] for x in rows))
 
 
 def _longest(motion: Trajectory) -> list[tuple[_Impacts, slice]]:

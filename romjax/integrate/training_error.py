@@ -14,7 +14,7 @@ from ..system.base import AbstractSystem
 from ..system.structure import Structure
 from .error_bar import hidden
 from .group_errors import group_errors, groups_with_members, resolution
-from .repeated import impacts_of, number_of_impacts
+from .repeated import impacts_of
 from .trajectory import Trajectory
 
 # Numbers and starts are the training's where they are as near as rounding allows.
@@ -68,7 +68,7 @@ class TrainingError(NamedTuple):
 
     def _is_struck_as(self, run: Trajectory, span: Any) -> Any:
         """Whether a run of a `span` [s] has as many impacts as this motion has in that time."""
-        count = number_of_impacts(run)
+        count = 0 if run.events is None else run.events.is_impact.sum()
         xp: Any = np if concrete(span) is not None else jnp
         least, most = (xp.sum(self.impacts <= x * span) for x in (1 - _NEARLY, 1 + _NEARLY))
         return (least <= count) & (count <= most)

@@ -1,4 +1,4 @@
-"""Operations on numbers that are known."""
+"""Operations on numbers that are known, whose results are too."""
 
 import math
 from collections.abc import Callable
