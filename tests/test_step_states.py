@@ -66,7 +66,7 @@ def test_what_a_bouncing_ball_passes(thinned):
 
     rates = np.select([t < 1, t < 2], [-2 * t, 3 - 2 * t], 4.5 - 2 * t)
     q, v, unused = height(t)[:, None], rates[:, None], [np.inf, np.inf]
-    before, after = np.array([[-2.0], [-1.0], [0.0], [0.0]]), np.array([[1.0], [0.5], [0.0], [0.0]])
+    impacts = np.array([True, True, False, False])
     motion = SimpleNamespace(
         t=t[:2],
         q=q[:2],
@@ -74,7 +74,7 @@ def test_what_a_bouncing_ball_passes(thinned):
         metric=np.eye(1),
         labels=(),
         states=SimpleNamespace(t=t, q=q, v=v),
-        events=SimpleNamespace(time=np.array([1.0, 2.0, *unused]), v_before=before, v_after=after),
+        events=SimpleNamespace(time=np.array([1.0, 2.0, *unused]), is_impact=impacts),
     )
     shares = np.array([] if thinned else [0.25, 0.5, 0.75])
     within = t[:-2] + shares[:, None] * np.diff(t)[:-1]
