@@ -1,4 +1,4 @@
-"""Bodies that turn more often than tolerances allow for: a flag tells, and only there."""
+"""Bodies that turn or swing more often than tolerances allow for: a flag tells, and only there."""
 
 import jax
 import numpy as np
@@ -35,7 +35,7 @@ def test_a_body_that_a_torque_turns_later():
     """Nothing at its start tells its turns."""
     system, truth = rj.assemble(driven()), true_driven(TS)
     with pytest.warns(
-        UserWarning, match="simulate: its bodies turn so many times .* rtol = 1.0e-06"
+        UserWarning, match="simulate: its bodies turn or swing so many times .* rtol = 1.0e-06"
     ):
         run = rj.simulate(system, TS)
     assert run.flags == rj.Flag.PHASE
@@ -47,7 +47,7 @@ def test_a_body_that_a_torque_turns_later():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:simulate. its bodies turn so many times")
+@pytest.mark.filterwarnings("ignore:simulate. its bodies turn or swing so many times")
 @pytest.mark.parametrize("solver", [None, RODAS5P], ids=["default", "Rodas5P"])
 @pytest.mark.parametrize("case", CASES)
 def test_tolerances_that_are_given(case, solver):
@@ -127,3 +127,18 @@ def test_bodies_without_a_link_have_energies_of_their_own():
     run = rj.simulate(system, ts)
     assert run.is_valid
     assert_close(tip(run), true_driven(ts), ALLOWED)
+
+
+def test_a_balance_wheel():
+    """Errors of its energy, which would be a large one of a pendulum, are none of its frequency."""
+    wheel = rj.RigidBody("wheel", 1.0, 1.0, angle=4.0)
+    spring = rj.TorsionSpring(wheel.at(), rj.ground.at(), 100.0)
+    system = rj.assemble(rj.Scene([wheel], [rj.Revolute(wheel.at(), rj.ground.at())], [spring]))
+    ts = np.linspace(0.0, 2 * np.pi * 3, 101)
+    run = rj.simulate(system, ts, atol=RTOL)
+    assert run.is_valid
+    assert_close(run["wheel.phi"], 4.0 * np.cos(10.0 * ts), ALLOWED, 4.0)
+    energy = rj.energy(system, run)
+    # What errors of the energy would make of the angle of a pendulum.
+    share = np.max(np.abs(energy.balance)) / np.max(energy.kinetic)
+    assert 40.0 * ts[-1] * share / 8 > ALLOWED

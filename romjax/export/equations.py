@@ -53,14 +53,15 @@ def physical_output(system: AbstractSystem, t: Array, x: State) -> Mapping[str, 
     return {"q": state.q, "v": state.v, "violation": violation}
 
 
-def start(system: AbstractSystem, t: Array, x: State) -> Mapping[str, Array]:
+def start(system: AbstractSystem, t: Array, x: State, stabilization: Array) -> Mapping[str, Array]:
     """Whether the constraints hold, and their rates; the size of the mechanism, and how fast bodies
     turn.
     """
     q, v = x[: system.n], x[system.n :]
     state = Start.of(system, t, q, v, precision.of(q.dtype).start_tolerance)
     good = jnp.stack([state.closed, state.fits])
-    return {"good": good, "size": state.size, "turning": turning(system, t, q, v)}
+    speed = turning(system, t, q, v, baumgarte(system, stabilization))
+    return {"good": good, "size": state.size, "turning": speed}
 
 
 def judged_by_states(system: AbstractSystem) -> bool:

@@ -200,7 +200,7 @@ def _of_runs(model: Model, point: dict[str, tuple[int, ...]]) -> list[Emitted]:
 
     def check(t: Array, x: Array, s: Array) -> Mapping[str, Array]:
         system, q, _ = model.at(x, s[count:])
-        start = equations.start(system, t, x)
+        start = equations.start(system, t, x, jnp.zeros(2))
         worst = jnp.max(jnp.abs(system.constraint(t, q)), initial=0.0)
         numbers = jnp.stack([worst, start["size"]])
         return {"good": jnp.concatenate([start["good"].astype(float), numbers])}

@@ -60,7 +60,7 @@ def functions_of(model: Model, stiff: bool, along: bool = False) -> list[Emitted
     functions: dict[str, tuple[Any, dict[str, tuple[int, ...]]]] = {
         "rate": (lambda t, x, s: equations.rate(model.system(s[2:]), t, x, s[:2]), point),
         "output": (lambda t, x, s: equations.physical_output(model.system(s[2:]), t, x), point),
-        "start": (lambda t, x, s: equations.start(model.system(s[2:]), t, x), point),
+        "start": (lambda t, x, s: equations.start(model.system(s[2:]), t, x, s[:2]), point),
         "initial": (lambda s: equations.own_start(model.system(s[2:])), start),
         "corners": (lambda s: equations.corners(model.system(s[2:])), start),
         "linear": (lambda t, x, s: equations.linear(model.system(s[2:]), t, x, s[:2]), point),

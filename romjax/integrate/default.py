@@ -29,8 +29,9 @@ _OUTPUTS = 100
 # Steps that Rodas5P takes at least, and how many times those of Dopri8 where the fast vibration has
 # to be followed. Dopri8 takes steps of at most this over the fastest frequency.
 _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
-# Steps of Dopri8 up to which rods without damping are followed: Rodas5P takes more of them, each at
-# several times the cost (measured for pendulums up to 4000 steps, whose tips turn by 1 to 1e-3).
+# Steps of Dopri8 up to which swings, and rods without damping, are followed: Rodas5P takes more of
+# them, each at several times the cost (measured for pendulums of a rod up to 4000 steps, whose tips
+# turn by 1 to 1e-3).
 _RUNG = 1e4
 # Steps of Dopri8 up to which a system may rest on its stops or contacts for all of a run.
 _RESTED = 1e4
@@ -43,6 +44,9 @@ _RESOLVED = 1.0
 # nutation is up to the ratio of two moments of inertia. Two is the ratio of a thin disc, which no
 # body exceeds, as no moment is larger than the sum of the others.
 _SPINS = 2.0
+# A pendulum that swings by an amplitude a of some tenths of a radian or more has no frequency above
+# this many times the root of its angular acceleration, which is 1 / √(sin a) times.
+_SWINGS = 2.0
 # Share of the fastest frequency at which Baumgarte's terms leave the step to the mechanism.
 _UNRESOLVED = 0.25
 # Baumgarte's terms set the step if their rate is this many times the mechanism's, and comparable
@@ -137,8 +141,9 @@ def default_method(
     4 times as many steps by Rodas5P (36 at random, up to 5000 rad a run), with errors up to 60
     times as large, and ropes and contacts twice as many. It counts where a run that rests there
     throughout would take Dopri8 more than ten thousand steps, of a contact about a millimetre deep.
-    A fast spin in space is not stiff: every method has to follow it; nor are rods without damping,
-    whose fast vibrations are in what bends far.
+    A fast spin in space is not stiff: every method has to follow it; nor are swings of a body that
+    is let go far from its equilibrium, nor rods without damping, whose fast vibrations are in what
+    bends far.
 
     Whether the fast vibration is excited is unknown before the run. If it is not, Rodas5P takes
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where
@@ -164,12 +169,15 @@ def default_method(
         return Method(implicit, "contacts may begin that stick by friction")
     outputs, span = len(times) - 1, float(times[-1] - times[0])
     acting = acting if acting * span / _STABLE > _RESTED else 0.0
-    fastest, spin = max(float(known), acting), float(np.asarray(start.spin))
+    fastest = max(float(known), acting)
+    spin, swing = (float(np.asarray(x)) for x in (start.spin, start.swing))
     if 0 < fastest <= _SPINS * spin:
         return Method(explicit, "the spin of a body, which has to be followed, is as fast as any")
     cost = _BY_PARTS if system.structure.by_parts else _WHOLE + _COORDINATE * system.n
     if fastest * span / max(outputs, _OUTPUTS) <= np.pi:
         return Method(explicit, "the outputs can show the fastest frequency")
+    if fastest <= _SWINGS * swing and fastest * span / _STABLE <= _RUNG:
+        return Method(explicit, "a body swings as fast as anything, and has to be followed")
     if ringing and fastest * span / _STABLE <= _RUNG:
         return Method(explicit, "what bends far without damping vibrates, and has to be followed")
     if fastest * span / _STABLE <= _FEWEST * _FOLLOWING * cost**2:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..common.arrays import Time
+from ..linalg import quaternions
 from ..scene.effect.base import AbstractMarkerEffect
 from .base import AbstractSystem
 from .dynamics import solve
@@ -26,6 +27,8 @@ class Frequencies(NamedTuple):
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
+    # Root of the largest angular acceleration of a body: about how fast one turns that is let go.
+    swing: Float[Array, ""]
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness is unknown, as with friction, or where nobody asks.
     acting: Float[Array, ""]
@@ -45,31 +48,48 @@ def frequencies(
     """
     acting = with_all_acting(system) if with_acting and system.structure.contacts else None
     rigid, fastest, all_acting = _estimate(system, t, q, v, acting)
-    constrained = system.m > 0 and system.full is not system
-    in_space = bool(system.full.structure.quaternions)
-    if not constrained and not in_space:
-        return Frequencies(rigid, fastest, jnp.zeros_like(fastest), all_acting)
-    state = system.state(t, q, v)
-    if constrained:
+    if system.m > 0 and system.full is not system:
+        state = system.state(t, q, v)
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
-    # In the plane a balanced body turns without any effort.
-    turns = spin(system.full, state.q, state.v) if in_space else jnp.zeros_like(fastest)
-    return Frequencies(rigid, fastest, turns, all_acting)
+    structure, spin, swing = system.full.structure, *jnp.zeros((2, *jnp.shape(fastest)), q.dtype)
+    if structure.frames:
+        spins, changes = turns_of(system, t, q, v, _unstabilized(system, q))
+        swing = jnp.sqrt(jnp.max(changes))
+        # In the plane a balanced body turns without any effort.
+        spin = jnp.max(spins) if structure.quaternions else spin
+    return Frequencies(rigid, fastest, spin, swing, all_acting)
 
 
-def spin(full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, ""]:
-    """The fastest angular velocity of the bodies of a full system [rad/s]; zero where it has none.
-
-    In space it is 2 |ṗ| / |p|, where |p| is constant.
+def turns_of(
+    system: AbstractSystem,
+    t: Time,
+    q: Float[Array, " n"],
+    v: Float[Array, " n"],
+    stabilization: Baumgarte | None,
+) -> tuple[Float[Array, " bodies"], Float[Array, " bodies"]]:
+    """The sizes of the angular velocities [rad/s] and accelerations [rad/s²] of all bodies; zero
+    where an acceleration is not finite, of which the run tells.
     """
-    structure = full.structure
-    if not structure.frames:
-        return jnp.zeros((), q.dtype)
+    t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
+    a = state.physical_acceleration(solve(system, t, q, v, stabilization).acceleration)
+    spins, changes = (
+        jnp.sqrt(jnp.sum(spins_of(system.full, state.q, x) ** 2, axis=1)) for x in (state.v, a)
+    )
+    return spins, jnp.where(jnp.isfinite(changes), changes, 0)
+
+
+def spins_of(
+    full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]
+) -> Float[Array, "bodies axes"]:
+    """The angular velocity of each body of a full system [rad/s], in space by its axes."""
+    structure: Any = full.structure
     q, v = q[structure.turns], v[structure.turns]
-    if not structure.quaternions:
-        return jnp.max(jnp.abs(v))
-    # |ω| = 2 |E ṗ| / s, and E ṗ is as long as |p| ṗ where ṗ is across p.
-    return 2 * jnp.sqrt(jnp.max(jnp.sum(v**2, axis=1) / jnp.sum(q**2, axis=1)))
+    return quaternions.angular_velocity(q, v) if structure.quaternions else v
+
+
+def _unstabilized(system: AbstractSystem, q: Float[Array, " n"]) -> Baumgarte | None:
+    """Zero stabilisation instead of none: the trace of the acceleration then serves the steps."""
+    return Baumgarte(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)) if system.m else None
 
 
 def with_all_acting(system: AbstractSystem) -> _Acting | None:
@@ -118,8 +138,7 @@ def _estimate(
     everywhere = [jnp.ones(system.n, bool)] * (2 if acting is None else 3)
     among = jnp.stack([jnp.array(system.structure.rigid), *everywhere])
     t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
-    # Zero stabilisation instead of none: the trace of the acceleration then serves the steps too.
-    unstabilized = Baumgarte(jnp.zeros((), q.dtype), jnp.zeros((), q.dtype)) if system.m else None
+    unstabilized = _unstabilized(system, q)
     # For each acceleration, the direction of positions or of velocities that is added to the state,
     # −1 for none, and whether all effects act.
     moved, faster = np.array([0, 1, -1, -1, 3, -1]), np.array([-1, -1, -1, 2, -1, -1])

@@ -18,6 +18,7 @@ from ...march.tolerances import Tolerances
 from ...system.base import AbstractSystem
 from ...system.dynamics import constraint_state, solve
 from ...system.flags import Flag
+from ...system.frequencies import spins_of
 from ...system.local import local_system
 from ...system.mobility import moves
 from ...system.stabilization import Baumgarte
@@ -25,7 +26,7 @@ from ...system.state import AbstractState, Power
 from ..post_step import PostStep
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
-from .phase import Phase, Response, shares_of, spins_of
+from .phase import Phase, Response, shares_of
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -82,7 +83,9 @@ class Audit(AbstractFollower):
         phase = None
         if self.watches_phases:
             state = self._at(start.t, start.y)[1]
-            phase = Phase.start(spins_of(self.system.full, state.q, state.v))
+            full = self.system.full
+            angles, spins = state.q[full.structure.turns], spins_of(full, state.q, state.v)
+            phase = Phase.start(angles, spins, state.energy().kinetic)
         return Findings(balance, branching, beyond, lengths, phase)
 
     @property
@@ -128,12 +131,13 @@ class Audit(AbstractFollower):
         phase = seen.phase
         if phase is not None:
             h = after.t - before.t
-            spins = spins_of(self.system.full, state.q, state.v)
+            full = self.system.full
+            angles, spins = state.q[full.structure.turns], spins_of(full, state.q, state.v)
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
             gained *= self._shares(state, spins, after.y, tried.error)
             # No derivative is taken of findings, and that of the size of no spin is infinite.
-            parts = jax.lax.stop_gradient((h, spins, now.kinetic, gained, response))
+            parts = jax.lax.stop_gradient((h, angles, spins, now.kinetic, gained, response))
             phase = phase.follow(*parts)
         new = Findings(balance, branching, beyond, lengths, phase)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)

@@ -1,6 +1,6 @@
-"""By how much bodies that turn many times may have gone too far: what errors of energy do."""
+"""By how much bodies that turn or swing many times may be too far: what errors of energy do."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,11 +9,18 @@ from jaxtyping import Array, Bool, Float
 
 from ...linalg import quaternions
 from ...linalg.dense import multiply
-from ...system.base import AbstractSystem
 from ...system.state import Energy
 
-# Turns after which a body counts: before, errors of its speed have not added up.
+# Turns, to and fro, after which a body counts: before, errors of its speed have not added up.
 _TURNS = 3.0
+# A swing by less than this angle [rad], from one side to the other, counts by the square of its
+# share. The frequency of a pendulum of the amplitude a changes by a²/16 = (2a)²/64 of the share by which
+# its energy changes, where a body that whirls is faster by a half. Close to its top it is more.
+_WHOLE = np.sqrt(32.0)
+# So many times |1 - 2 T̄ / max T| it counts at most. With the action J of one freedom,
+# 2 T̄ / E = d ln E / d ln J: one, where the frequency dE/dJ is the same at any energy, as of a
+# vibration on a linear spring; and of the pendulum 1 - a²/32. A body that whirls counts as a whole.
+_BENT = 4.0
 # Changes of an angular velocity below this share are rounding: such a body, as a balanced wheel in
 # the plane, turns without any effort, and no step errs in it.
 _STEADY = 1e-7
@@ -39,30 +46,43 @@ class Phase(NamedTuple):
     those of the balance of energy make a body that turns by ω be off by ω τ. Each has a δE and a τ
     of its own, since a step may err in the motion of another one (`shares_of`).
 
-    - `spins`: angular velocities [rad/s], one row for each body; `turned`: their integrals [rad];
-      `is_moved` (bodies,): whether anything has changed them.
-    - `gained` (bodies,): δE [J]; `kinetic`: ∫ T dt [J s]; `time`: since the start [s]; `early`
-      (bodies,): τ [s].
-    - `angle`: the largest |ω τ| so far of a body that has turned often [rad].
+    - `angles`: of the bodies in the plane [rad], one row for each, or their quaternions in space.
+      `turned`: how far they have turned [rad], with the `least` and the `most` so far, and the
+      `path` (bodies,) to and fro.
+    - `spins`: angular velocities [rad/s]; `is_moved` (bodies,): whether anything has changed them.
+    - `kinetic`: T [J], with the `largest` so far, and its `integral` [J s]; `time`: since the
+      start [s]. `gained` (bodies,): δE [J]; `early` (bodies,): τ [s].
+    - `angle`: the largest |ω τ| so far of a body that has turned or swung often [rad].
     """
 
-    spins: Float[Array, "bodies axes"]
+    angles: Float[Array, "bodies *k"]
     turned: Float[Array, "bodies axes"]
+    least: Float[Array, "bodies axes"]
+    most: Float[Array, "bodies axes"]
+    path: Float[Array, " bodies"]
+    spins: Float[Array, "bodies axes"]
     is_moved: Bool[Array, " bodies"]
-    gained: Float[Array, " bodies"]
     kinetic: Float[Array, ""]
+    largest: Float[Array, ""]
+    integral: Float[Array, ""]
     time: Float[Array, ""]
+    gained: Float[Array, " bodies"]
     early: Float[Array, " bodies"]
     angle: Float[Array, ""]
 
     @classmethod
-    def start(cls, spins: Float[Array, "bodies axes"]) -> "Phase":
+    def start(
+        cls, angles: Float[Array, "bodies k"], spins: Float[Array, "bodies axes"], kinetic: Array
+    ) -> "Phase":
         zero, none = jnp.zeros((), spins.dtype), jnp.zeros(len(spins), spins.dtype)
-        return cls(spins, 0 * spins, jnp.zeros(len(spins), bool), none, zero, zero, none, zero)
+        turned = (0 * spins,) * 3
+        energies = kinetic, kinetic, zero, zero
+        return cls(angles, *turned, none, spins, none > 0, *energies, none, none, zero)
 
     def follow(
         self,
         h: Float[Array, ""],
+        angles: Float[Array, "bodies k"],
         spins: Float[Array, "bodies axes"],
         kinetic: Float[Array, ""],
         gained: Float[Array, " bodies"],
@@ -71,22 +91,49 @@ class Phase(NamedTuple):
         """Return the phase with a step of the length h added, by what is there at its end, and by
         what energy the motion of each body has `gained` in it, and not by work [J].
         """
-        turned, time = self.turned + 0.5 * h * (self.spins + spins), self.time + h
-        mean = self.kinetic + h * kinetic
+        time, integral = self.time + h, self.integral + 0.5 * h * (self.kinetic + kinetic)
+        mean = integral / jnp.where(time > 0, time, 1)
         # No less than its mean, since swings that come to rest are no turns. At rest nothing is
         # known.
-        least = jnp.maximum(kinetic, mean / jnp.where(time > 0, time, 1))
-        share = jnp.where(least > 0, 0.5 / jnp.where(least > 0, least, 1), 0)
+        usual = jnp.maximum(kinetic, mean)
+        share = jnp.where(usual > 0, 0.5 / jnp.where(usual > 0, usual, 1), 0)
         # Forces at the end of the step, as of an implicit method, so that stiff ones are stable.
         pulled = self.gained + gained - response.early * self.early
         energy = pulled / (1 + share * (response.faster + h * response.early))
         early = self.early + h * share * energy
-        sizes, changes = (jnp.sum(x**2, axis=1) for x in (spins, spins - self.spins))
-        is_moved = self.is_moved | (changes > _STEADY**2 * sizes)
-        often = jnp.sum(turned**2, axis=1) > (2 * np.pi * _TURNS) ** 2
-        angles = jnp.where(often & is_moved, jnp.sqrt(sizes), 0) * jnp.abs(early)
-        angle = jnp.maximum(self.angle, jnp.max(angles))
-        return Phase(spins, turned, is_moved, energy, mean, time, early, angle)
+        change = _turn(self.angles, angles)
+        turned, path = self.turned + change, self.path + _sizes(change)
+        least, most = jnp.minimum(self.least, turned), jnp.maximum(self.most, turned)
+        largest = jnp.maximum(self.largest, kinetic)
+        bent = _BENT * jnp.abs(1 - 2 * mean / jnp.where(largest > 0, largest, 1))
+        reach = _sizes(most - least)
+        counts = jnp.minimum(jnp.minimum(reach / _WHOLE, 1) ** 2, bent)
+        counts = jnp.where(2 * reach > path, 1, counts)
+        sizes = _sizes(spins)
+        is_moved = self.is_moved | (_sizes(spins - self.spins) > _STEADY * sizes)
+        often = (path > 2 * np.pi * _TURNS) & is_moved
+        angle = jnp.max(jnp.where(often, counts * sizes, 0) * jnp.abs(early))
+        angle = jnp.maximum(self.angle, angle)
+        turns = angles, turned, least, most, path, spins, is_moved
+        return Phase(*turns, kinetic, largest, integral, time, energy, early, angle)
+
+
+def _sizes(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
+    return jnp.sqrt(jnp.sum(x**2, axis=1))
+
+
+def _turn(
+    before: Float[Array, "bodies k"], after: Float[Array, "bodies k"]
+) -> Float[Array, "bodies axes"]:
+    """How far bodies turn from some angles to others, or from quaternions to others, by less than
+    half a turn [rad].
+    """
+    if before.shape[1] == 1:
+        return after - before
+    sine, cosine = quaternions.apply(quaternions.space_matrix(before), after), before * after
+    cosine, size = jnp.sum(cosine, axis=1), _sizes(sine)
+    turn = 2 * jnp.arctan2(size, jnp.abs(cosine)) * jnp.sign(cosine)
+    return sine * (turn / jnp.where(size > 0, size, 1))[:, None]
 
 
 def shares_of(
@@ -117,12 +164,3 @@ def shares_of(
     own *= _SCATTER
     whole = jnp.linalg.norm(spins, axis=1) * jnp.abs(change)
     return jnp.where(own < whole, own / jnp.where(whole > 0, whole, 1), 1.0)
-
-
-def spins_of(
-    full: AbstractSystem, q: Float[Array, " N"], v: Float[Array, " N"]
-) -> Float[Array, "bodies axes"]:
-    """The angular velocity of each body of a full system [rad/s], in space by its axes."""
-    structure: Any = full.structure
-    q, v = q[structure.turns], v[structure.turns]
-    return quaternions.angular_velocity(q, v) if structure.quaternions else v
