@@ -14,8 +14,9 @@ from ...system.state import Energy
 # Turns, to and fro, after which a body counts: before, errors of its speed have not added up.
 _TURNS = 3.0
 # A swing by less than this angle [rad], from one side to the other, counts by the square of its
-# share. The frequency of a pendulum of the amplitude a changes by a²/16 = (2a)²/64 of the share by which
-# its energy changes, where a body that whirls is faster by a half. Close to its top it is more.
+# share. The frequency of a pendulum of the amplitude a changes by a²/16 = (2a)²/64 of the share by
+# which its energy changes, where a body that whirls is faster by a half. Close to its top it is
+# more.
 _WHOLE = np.sqrt(32.0)
 # So many times |1 - 2 T̄ / max T| it counts at most. With the action J of one freedom,
 # 2 T̄ / E = d ln E / d ln J: one, where the frequency dE/dJ is the same at any energy, as of a
