@@ -44,8 +44,9 @@ class Phase(NamedTuple):
 
     Let q̃(t) = q(t + τ). Its speed is v (1 + τ̇), its energy errs by δE = 2 T τ̇, and forces Q change
     that by (δE)˙ = τ̇ vᵀ(∂Q/∂v) v − τ ∂P/∂t, with the power P of loads. So steps whose errors are
-    those of the balance of energy make a body that turns by ω be off by ω τ. Each has a δE and a τ
-    of its own, since a step may err in the motion of another one (`shares_of`).
+    those of the balance of energy make a body that turns by ω be off by ω τ, and one that swings by
+    as much less as its frequency changes less. Each has a δE and a τ of its own, since a step may
+    err in the motion of another one (`shares_of`).
 
     - `angles`: of the bodies in the plane [rad], one row for each, or their quaternions in space.
       `turned`: how far they have turned [rad], with the `least` and the `most` so far, and the
@@ -56,7 +57,7 @@ class Phase(NamedTuple):
     - `angle`: the largest |ω τ| so far of a body that has turned or swung often [rad].
     """
 
-    angles: Float[Array, "bodies *k"]
+    angles: Float[Array, "bodies k"]
     turned: Float[Array, "bodies axes"]
     least: Float[Array, "bodies axes"]
     most: Float[Array, "bodies axes"]
