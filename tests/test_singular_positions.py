@@ -111,13 +111,13 @@ def test_a_parallelogram_of_short_cranks():
     s, spin = -2.1937337258134573, -11.72046169011649
     masses, ts = (0.2346661389812438, 2.100958843713906, 3.56937255991144), np.linspace(0, 2.4, 101)
     way = crank * np.array([np.cos(s), np.sin(s)])
-    points = {"O": (0.0, 0.0), "a": way, "b": way + [base, 0.0], "B": (base, 0.0)}
+    points = {"O": (0.0, 0.0), "a": way, "b": way + np.array([base, 0.0]), "B": (base, 0.0)}
     turning = dict.fromkeys("ab", spin * np.array([-way[1], way[0]]))
     bars = [("O", "a"), ("a", "b"), ("B", "b")]
     system = rj.assemble(linkage(points, bars, turning, gravity=True, masses=masses))
     run = rj.simulate(system, ts)
     assert run.is_valid
-    # Both cranks turn alike, and the coupler does not turn: (Σ m/3 + M) r φ'' = -(Σ m/2 + M) g cos φ
+    # Cranks of Σ m turn alike, the coupler M does not: (Σ m/3 + M) r φ'' = -(Σ m/2 + M) g cos φ.
     moved = (masses[0] + masses[2]) / 3 + masses[1], (masses[0] + masses[2]) / 2 + masses[1]
     pull = GRAVITY * moved[1] / moved[0] / crank
     swing = rj.CustomSystem(
