@@ -23,8 +23,9 @@ from .status import Status
 # Angles [rad] that are wrong by less are not told of, so that a smaller rtol is a cure; nor those
 # below the second number in fixed steps, for which there is no tolerance.
 _FINE, _OFF = 1e-4, 0.05
-# In space, where the speed of a body depends on its energy and on its angular momentum, errors of
-# methods of even order, which gain less energy than they err by, are so many times what it says.
+# In space, where the speed of a body that goes round depends on its energy and on its angular
+# momentum, errors of methods of even order, which gain less energy than they err by, are so many
+# times what it says.
 _EVEN = 4.0
 # A joint whose violation exceeds this share of the mechanism's size has come apart, not drifted.
 _APART = 1e-2
@@ -195,7 +196,8 @@ def _phase_flag(
     factor = _EVEN if even and system.full.structure.quaternions else 1.0
     controlled = jnp.maximum(_FINE, allowed_share(jnp.asarray(settings.rtol)))
     allowed = controlled if settings.dt is None else _OFF
-    return (factor * phase.angle > allowed) * int(Flag.PHASE)
+    off = jnp.maximum(factor * phase.angle, phase.swing)
+    return (off > allowed) * int(Flag.PHASE)
 
 
 def _absolute(extent: Extent, settings: Settings) -> Float[Array, ""]:

@@ -54,7 +54,8 @@ class Phase(NamedTuple):
     - `spins`: angular velocities [rad/s]; `is_moved` (bodies,): whether anything has changed them.
     - `kinetic`: T [J], with the `largest` so far, and its `integral` [J s]; `time`: since the
       start [s]. `gained` (bodies,): δE [J]; `early` (bodies,): τ [s].
-    - `angle`: the largest |ω τ| so far of a body that has turned or swung often [rad].
+    - `angle`: the largest |ω τ| so far of a body that has turned often [rad]; `swing`: the same of
+      one that has turned to and fro.
     """
 
     angles: Float[Array, "bodies k"]
@@ -71,6 +72,7 @@ class Phase(NamedTuple):
     gained: Float[Array, " bodies"]
     early: Float[Array, " bodies"]
     angle: Float[Array, ""]
+    swing: Float[Array, ""]
 
     @classmethod
     def start(
@@ -79,7 +81,8 @@ class Phase(NamedTuple):
         zero, none = jnp.zeros((), spins.dtype), jnp.zeros(len(spins), spins.dtype)
         turned = (0 * spins,) * 3
         energies = kinetic, kinetic, zero, zero
-        return cls(angles, *turned, none, spins, none > 0, *energies, none, none, zero)
+        nothing = none, none, zero, zero
+        return cls(angles, *turned, none, spins, none > 0, *energies, *nothing)
 
     def follow(
         self,
@@ -110,14 +113,14 @@ class Phase(NamedTuple):
         bent = _BENT * jnp.abs(1 - 2 * mean / jnp.where(largest > 0, largest, 1))
         reach = _sizes(most - least)
         counts = jnp.minimum(jnp.minimum(reach / _WHOLE, 1) ** 2, bent)
-        counts = jnp.where(2 * reach > path, 1, counts)
-        sizes = _sizes(spins)
+        sizes, whirls = _sizes(spins), 2 * reach > path
         is_moved = self.is_moved | (_sizes(spins - self.spins) > _STEADY * sizes)
         often = (path > 2 * np.pi * _TURNS) & is_moved
-        angle = jnp.max(jnp.where(often, counts * sizes, 0) * jnp.abs(early))
-        angle = jnp.maximum(self.angle, angle)
+        off = jnp.where(often, sizes, 0) * jnp.abs(early)
+        angle = jnp.maximum(self.angle, jnp.max(jnp.where(whirls, off, 0)))
+        swing = jnp.maximum(self.swing, jnp.max(jnp.where(whirls, 0, counts * off)))
         turns = angles, turned, least, most, path, spins, is_moved
-        return Phase(*turns, kinetic, largest, integral, time, energy, early, angle)
+        return Phase(*turns, kinetic, largest, integral, time, energy, early, angle, swing)
 
 
 def _sizes(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
