@@ -65,9 +65,18 @@ class Verdict(NamedTuple):
     holds: str
 
     def __str__(self) -> str:
-        found = "was not measured" if self.value is None else f"is {short(self.value)}"
+        found = "was not measured" if self.value is None else f"is {self.shown}"
         floor = "" if self.floor is None else f", floor {short(self.floor)}"
         return f"{self.comparison}: {self.ratio} {found}{floor}"
+
+    @property
+    def shown(self) -> str:
+        """The value in three digits, or in as many as tell it from its floor."""
+        value, floor = self.value, self.floor
+        if value is None or floor is None or value == floor or float(short(value)) != floor:
+            return short(value)
+        digits = (f"{value:.{count}g}" for count in range(4, 18))
+        return next(text for text in digits if float(text) != floor)
 
 
 def table(rows: Sequence[Sequence[Any]], **settings: Any) -> str:
@@ -173,7 +182,7 @@ def verdicts(found: Sequence[Verdict]) -> str:
     rows = [["comparison", "ratio", "value", "floor", "holds"]]
     for one in found:
         name = "\n".join(textwrap.wrap(one.ratio, WIDTH))
-        rows.append([one.comparison, name, short(one.value), short(one.floor), one.holds])
+        rows.append([one.comparison, name, one.shown, short(one.floor), one.holds])
     text = table(rows, colalign=("left", "left", "right", "right", "left"))
     if any(one.holds == "absent" for one in found):
         text += "\n\nabsent: not installed, or not on this machine"

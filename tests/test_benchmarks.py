@@ -213,6 +213,14 @@ def test_floors_belong_to_comparisons(command):
     assert max(map(len, command.record.verdicts(found).splitlines())) <= 80
 
 
+@pytest.mark.instant
+def test_a_value_just_below_its_floor(command):
+    """It does not look like it."""
+    values = {(0.99959, 1.0): "0.9996", (0.98, 1.0): "0.98", (1.0, 1.0): "1", (2.0, None): "2"}
+    for (value, floor), text in values.items():
+        assert command.record.Verdict("c", "r", value, floor, "NO").shown == text
+
+
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_scripts_can_be_imported(command, name):
     """Without measuring anything; a comparison has the one function that the command calls."""
