@@ -104,7 +104,7 @@ def test_no_run_is_silently_wrong(method, name, twice):
 
 
 def test_a_parallelogram_of_short_cranks():
-    """It loses its branch in small steps, in which branches are told apart 40 times better than
+    """It loses its branch in small steps, in which branches are told apart ten times better than
     where others lose theirs.
     """
     crank, base = 0.31051975278676497, 2.2067291235116704

@@ -51,12 +51,12 @@ def frequencies(
     if system.m > 0 and system.full is not system:
         state = system.state(t, q, v)
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
-    structure, spin, swing = system.full.structure, *jnp.zeros((2, *jnp.shape(fastest)), q.dtype)
-    if structure.frames:
+    spin = swing = jnp.zeros_like(fastest)
+    if system.full.structure.frames:
         spins, changes = turns_of(system, t, q, v, _unstabilized(system, q))
         swing = jnp.sqrt(jnp.max(changes))
         # In the plane a balanced body turns without any effort.
-        spin = jnp.max(spins) if structure.quaternions else spin
+        spin = jnp.max(spins) if system.full.structure.quaternions else spin
     return Frequencies(rigid, fastest, spin, swing, all_acting)
 
 

@@ -83,9 +83,7 @@ class Audit(AbstractFollower):
         phase = None
         if self.watches_phases:
             state = self._at(start.t, start.y)[1]
-            full = self.system.full
-            angles, spins = state.q[full.structure.turns], spins_of(full, state.q, state.v)
-            phase = Phase.start(angles, spins, state.energy().kinetic)
+            phase = Phase.start(*self._turns(state), state.energy().kinetic)
         return Findings(balance, branching, beyond, lengths, phase)
 
     @property
@@ -131,8 +129,7 @@ class Audit(AbstractFollower):
         phase = seen.phase
         if phase is not None:
             h = after.t - before.t
-            full = self.system.full
-            angles, spins = state.q[full.structure.turns], spins_of(full, state.q, state.v)
+            angles, spins = self._turns(state)
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
             gained *= self._shares(state, spins, after.y, tried.error)
@@ -146,6 +143,11 @@ class Audit(AbstractFollower):
     def _at(self, t: Array, y: Any) -> tuple[AbstractSystem, AbstractState]:
         system = local_system(self.system, self.post_step, y)
         return system, system.state(t, *y[:2])
+
+    def _turns(self, state: AbstractState) -> tuple[Array, Array]:
+        """The angles or quaternions of all bodies, and their angular velocities."""
+        full = self.system.full
+        return state.q[full.structure.turns], spins_of(full, state.q, state.v)
 
     def _limits(self, at: Progress) -> Any:
         state = self._at(at.t, at.y)[1]
