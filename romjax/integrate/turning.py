@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 
 from ..common.arrays import Time
 from ..system.base import AbstractSystem
-from ..system.frequencies import turns_of
+from ..system.frequencies import accelerated, rounds_of, turns_of
 from ..system.local import local_system
 from ..system.mobility import moves
 from ..system.stabilization import Baumgarte
@@ -53,15 +53,18 @@ def turning(
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
 ) -> Float[Array, ""]:
-    """How fast bodies turn at a state, or will a quarter of a radian later [rad/s].
+    """How fast bodies turn at a state, or will a quarter of a radian later, or go round [rad/s].
 
     Zero where joints move with time, since no angle drifts that is prescribed.
     """
     full = system.full
     if not full.structure.frames or (full.m and moves(full)):
         return jnp.zeros((), q.dtype)
-    spins, changes = turns_of(system, t, q, v, stabilization)
-    return jax.lax.stop_gradient(jnp.sqrt(jnp.max(spins**2 + 2 * _LATER * changes)))
+    state, a = accelerated(system, t, q, v, stabilization)
+    spins, changes = turns_of(full, state, a)
+    rounds = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
+    fastest = jnp.max(jnp.maximum(spins**2 + 2 * _LATER * changes, rounds**2))
+    return jax.lax.stop_gradient(jnp.sqrt(fastest))
 
 
 def turning_rtol(

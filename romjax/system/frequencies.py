@@ -14,6 +14,8 @@ from ..scene.effect.base import AbstractMarkerEffect
 from .base import AbstractSystem
 from .dynamics import solve
 from .stabilization import Baumgarte
+from .start import gyration_of
+from .state import AbstractState
 
 # Makes a system whose effects that may begin act, or not.
 _Acting = Callable[[Bool[Array, ""]], AbstractSystem]
@@ -27,7 +29,8 @@ class Frequencies(NamedTuple):
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
-    # Root of the largest angular acceleration of a body: about how fast one turns that is let go.
+    # Root of the largest angular acceleration of a body, about how fast one turns that is let go;
+    # or how fast one goes round.
     swing: Float[Array, ""]
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness is unknown, as with friction, or where nobody asks.
@@ -53,29 +56,56 @@ def frequencies(
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
     spin = swing = jnp.zeros_like(fastest)
     if system.full.structure.frames:
-        spins, changes = turns_of(system, t, q, v, _unstabilized(system, q))
-        swing = jnp.sqrt(jnp.max(changes))
+        full, (state, a) = system.full, accelerated(system, t, q, v, _unstabilized(system, q))
+        spins, changes = turns_of(full, state, a)
+        rounds = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
+        swing = jnp.sqrt(jnp.max(jnp.maximum(changes, rounds**2)))
         # In the plane a balanced body turns without any effort.
-        spin = jnp.max(spins) if system.full.structure.quaternions else spin
+        spin = jnp.max(spins) if full.structure.quaternions else spin
     return Frequencies(rigid, fastest, spin, swing, all_acting)
 
 
-def turns_of(
+def accelerated(
     system: AbstractSystem,
     t: Time,
     q: Float[Array, " n"],
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
+) -> tuple[AbstractState, Float[Array, " N"]]:
+    """A state, and the accelerations of the physical coordinates in it."""
+    t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
+    return state, state.physical_acceleration(solve(system, t, q, v, stabilization).acceleration)
+
+
+def turns_of(
+    full: AbstractSystem, state: AbstractState, a: Float[Array, " N"]
 ) -> tuple[Float[Array, " bodies"], Float[Array, " bodies"]]:
     """The sizes of the angular velocities [rad/s] and accelerations [rad/s²] of all bodies; zero
     where an acceleration is not finite, of which the run tells.
     """
-    t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
-    a = state.physical_acceleration(solve(system, t, q, v, stabilization).acceleration)
     spins, changes = (
-        jnp.sqrt(jnp.sum(spins_of(system.full, state.q, x) ** 2, axis=1)) for x in (state.v, a)
+        jnp.sqrt(jnp.sum(spins_of(full, state.q, x) ** 2, axis=1)) for x in (state.v, a)
     )
     return spins, jnp.where(jnp.isfinite(changes), changes, 0)
+
+
+def rounds_of(
+    full: AbstractSystem, t: Float[Array, ""], state: AbstractState, a: Float[Array, " N"]
+) -> Float[Array, " bodies"]:
+    """How fast the directions turn in which bodies move [rad/s],
+
+        2 |v × a| / (v² + ℓ a),
+
+    which is that of a circle of the radius ℓ, the distance from the origin or the radius of
+    gyration of all, and no more than √(a / ℓ) where a body is slow.
+    """
+    places, v, a = (x[full.structure.positions] for x in (state.q, state.v, a))
+    squared, squares = jnp.sum(v**2, axis=1), jnp.sum(a**2, axis=1)
+    across = jnp.sqrt(jnp.maximum(squared * squares - jnp.sum(v * a, axis=1) ** 2, 0))
+    far = jnp.maximum(jnp.sqrt(jnp.sum(places**2, axis=1)), gyration_of(full, t, state.q))
+    least = squared + far * jnp.sqrt(squares)
+    rounds = 2 * across / jnp.where(least > 0, least, 1)
+    return jnp.where(jnp.isfinite(rounds), rounds, 0)
 
 
 def spins_of(

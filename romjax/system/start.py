@@ -175,10 +175,12 @@ def _length(
     moved = by_positions > 0
     # Metres of violation per radian: the distance of a joint from the frame of its body.
     arms = jnp.where(moved, by_turns / jnp.where(moved, by_positions, 1), 0)
-    return jnp.maximum(jnp.max(arms, initial=apart), _gyration(system, t, q))
+    return jnp.maximum(jnp.max(arms, initial=apart), gyration_of(system, t, q))
 
 
-def _gyration(system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> Array:
+def gyration_of(
+    system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
+) -> Float[Array, ""]:
     """The radius of gyration of all bodies together, each about its own frame [m]."""
     structure = system.structure
     moving = np.zeros(len(structure.coordinates))

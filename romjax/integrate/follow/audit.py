@@ -26,7 +26,7 @@ from ...system.state import AbstractState, Power
 from ..post_step import PostStep
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
-from .phase import Phase, Response, shares_of
+from .phase import Motion, Phase, Response, shares_of
 
 # Nodes of Gauss' quadrature in each step: exact for what changes like a polynomial of degree 7.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -83,7 +83,7 @@ class Audit(AbstractFollower):
         phase = None
         if self.watches_phases:
             state = self._at(start.t, start.y)[1]
-            phase = Phase.start(*self._turns(state), state.energy().kinetic)
+            phase = Phase.start(self._motion(state), state.energy().kinetic)
         return Findings(balance, branching, beyond, lengths, phase)
 
     @property
@@ -129,12 +129,12 @@ class Audit(AbstractFollower):
         phase = seen.phase
         if phase is not None:
             h = after.t - before.t
-            angles, spins = self._turns(state)
+            motion = self._motion(state)
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
-            gained *= self._shares(state, spins, after.y, tried.error)
+            gained *= self._shares(state, motion, after.y, tried.error)
             # No derivative is taken of findings, and that of the size of no spin is infinite.
-            parts = jax.lax.stop_gradient((h, angles, spins, now.kinetic, gained, response))
+            parts = jax.lax.stop_gradient((h, motion, now.kinetic, gained, response))
             phase = phase.follow(*parts)
         new = Findings(balance, branching, beyond, lengths, phase)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)
@@ -144,10 +144,10 @@ class Audit(AbstractFollower):
         system = local_system(self.system, self.post_step, y)
         return system, system.state(t, *y[:2])
 
-    def _turns(self, state: AbstractState) -> tuple[Array, Array]:
-        """The angles or quaternions of all bodies, and their angular velocities."""
+    def _motion(self, state: AbstractState) -> Motion:
         full = self.system.full
-        return state.q[full.structure.turns], spins_of(full, state.q, state.v)
+        angles, velocities = state.q[full.structure.turns], state.v[full.structure.positions]
+        return Motion(angles, spins_of(full, state.q, state.v), velocities)
 
     def _limits(self, at: Progress) -> Any:
         state = self._at(at.t, at.y)[1]
@@ -224,20 +224,24 @@ class Audit(AbstractFollower):
         return Response(faster, early)
 
     def _shares(
-        self, state: AbstractState, spins: Float[Array, "bodies axes"], y: Any, error: Any
-    ) -> Float[Array, " bodies"]:
-        """The share of each body in a step's error of energy; all, where nobody estimates it."""
+        self, state: AbstractState, motion: Motion, y: Any, error: Any
+    ) -> Float[Array, "2 bodies"]:
+        """The shares of the turns and of the rounds of each body in a step's error of energy; all,
+        where nobody estimates it.
+        """
         if not self.controlled:
-            return jnp.ones(len(spins), spins.dtype)
-        at_rest = state.physical_acceleration(jnp.zeros_like(y[1]))
-
-        def turning(change: Array) -> Array:
-            physical = state.physical_acceleration(change) - at_rest
-            return spins_of(self.system.full, state.q, physical)
-
-        both = error[0], error[1]
-        v = self.system.structure.without_states(y[1])
-        return shares_of(state.energy(), v, both, spins, (turning(both[0]), turning(both[1])))
+            return jnp.ones((2, len(motion.spins)), motion.spins.dtype)
+        full, at_rest = self.system.full, state.physical_acceleration(jnp.zeros_like(y[1]))
+        # Of the positions and of the velocities.
+        of_q, of_v = (state.physical_acceleration(x) - at_rest for x in (error[0], error[1]))
+        common = state.energy(), self.system.structure.without_states(y[1]), (error[0], error[1])
+        turns = spins_of(full, state.q, of_q), spins_of(full, state.q, of_v)
+        rounds = of_q[full.structure.positions], of_v[full.structure.positions]
+        shares = (
+            shares_of(*common, motion.spins, turns),
+            shares_of(*common, motion.velocities, rounds),
+        )
+        return jnp.stack(shares)
 
     def _drive(self, system: AbstractSystem, state: AbstractState, t: Array, y: Any) -> Array:
         """The power of joints that move with time.

@@ -39,6 +39,49 @@ class Response(NamedTuple):
     early: Float[Array, ""]
 
 
+class Motion(NamedTuple):
+    """How bodies turn and go round at a time.
+
+    - `angles`: of the bodies in the plane [rad], one row for each, or their quaternions in space;
+      `spins`: their angular velocities [rad/s].
+    - `velocities`: of their frames [m/s].
+    """
+
+    angles: Float[Array, "bodies k"]
+    spins: Float[Array, "bodies axes"]
+    velocities: Float[Array, "bodies d"]
+
+
+class Turned(NamedTuple):
+    """How far something has turned so far: `angle` [rad], with its `least` and `most`, and the
+    `path` (bodies,) to and fro.
+    """
+
+    angle: Float[Array, "bodies axes"]
+    least: Float[Array, "bodies axes"]
+    most: Float[Array, "bodies axes"]
+    path: Float[Array, " bodies"]
+
+    def add(self, change: Float[Array, "bodies axes"]) -> "Turned":
+        """Turned by a `change` more."""
+        angle = self.angle + change
+        least, most = jnp.minimum(self.least, angle), jnp.maximum(self.most, angle)
+        return Turned(angle, least, most, self.path + _sizes(change))
+
+    @property
+    def reach(self) -> Float[Array, " bodies"]:
+        return _sizes(self.most - self.least)
+
+    @property
+    def whirls(self) -> Bool[Array, " bodies"]:
+        """Whether it turns on, and not to and fro."""
+        return 2 * self.reach > self.path
+
+    @property
+    def often(self) -> Bool[Array, " bodies"]:
+        return self.path > 2 * np.pi * _TURNS
+
+
 class Phase(NamedTuple):
     """By how much a motion is early, since its energy E errs by δE.
 
@@ -46,55 +89,50 @@ class Phase(NamedTuple):
     that by (δE)˙ = τ̇ vᵀ(∂Q/∂v) v − τ ∂P/∂t, with the power P of loads. So steps whose errors are
     those of the balance of energy make a body that turns by ω be off by ω τ, and one that swings by
     as much less as its frequency changes less. Each has a δE and a τ of its own, since a step may
-    err in the motion of another one (`shares_of`).
+    err in the motion of another one (`shares_of`). A body that goes round without turning is off by
+    the share ω τ of its distance, with the mean angular velocity ω of the direction in which it
+    moves.
 
-    - `angles`: of the bodies in the plane [rad], one row for each, or their quaternions in space.
-      `turned`: how far they have turned [rad], with the `least` and the `most` so far, and the
-      `path` (bodies,) to and fro.
-    - `spins`: angular velocities [rad/s]; `is_moved` (bodies,): whether anything has changed them.
+    - `motion`: at the end of the last step. `turns`: of bodies; `is_moved` (bodies,): whether
+      anything has changed their angular velocities. `rounds`: of the directions of velocities.
     - `kinetic`: T [J], with the `largest` so far, and its `integral` [J s]; `time`: since the
-      start [s]. `gained` (bodies,): δE [J]; `early` (bodies,): τ [s].
+      start [s]. `gained`: δE [J], first of turns and then of rounds; `early`: τ [s] of them.
     - `angle`: the largest |ω τ| so far of a body that has turned often [rad]; `swing`: the same of
-      one that has turned to and fro.
+      one that has turned to and fro, or gone round.
     """
 
-    angles: Float[Array, "bodies k"]
-    turned: Float[Array, "bodies axes"]
-    least: Float[Array, "bodies axes"]
-    most: Float[Array, "bodies axes"]
-    path: Float[Array, " bodies"]
-    spins: Float[Array, "bodies axes"]
+    motion: Motion
+    turns: Turned
     is_moved: Bool[Array, " bodies"]
+    rounds: Turned
     kinetic: Float[Array, ""]
     largest: Float[Array, ""]
     integral: Float[Array, ""]
     time: Float[Array, ""]
-    gained: Float[Array, " bodies"]
-    early: Float[Array, " bodies"]
+    gained: Float[Array, "2 bodies"]
+    early: Float[Array, "2 bodies"]
     angle: Float[Array, ""]
     swing: Float[Array, ""]
 
     @classmethod
-    def start(
-        cls, angles: Float[Array, "bodies k"], spins: Float[Array, "bodies axes"], kinetic: Array
-    ) -> "Phase":
-        zero, none = jnp.zeros((), spins.dtype), jnp.zeros(len(spins), spins.dtype)
-        turned = (0 * spins,) * 3
+    def start(cls, motion: Motion, kinetic: Array) -> "Phase":
+        zero, none = jnp.zeros((), kinetic.dtype), jnp.zeros(len(motion.spins), kinetic.dtype)
+        level, nothing = 0 * motion.spins, jnp.stack([none, none])
+        # In the plane directions turn about one axis, as bodies do.
+        turned = Turned(level, level, level, none)
         energies = kinetic, kinetic, zero, zero
-        nothing = none, none, zero, zero
-        return cls(angles, *turned, none, spins, none > 0, *energies, *nothing)
+        return cls(motion, turned, none > 0, turned, *energies, nothing, nothing, zero, zero)
 
     def follow(
         self,
         h: Float[Array, ""],
-        angles: Float[Array, "bodies k"],
-        spins: Float[Array, "bodies axes"],
+        motion: Motion,
         kinetic: Float[Array, ""],
-        gained: Float[Array, " bodies"],
+        gained: Float[Array, "2 bodies"],
         response: Response,
     ) -> "Phase":
         """Return the phase with a step of the length h added, by what is there at its end, and by
-        what energy the motion of each body has `gained` in it, and not by work [J].
+        what energy the turns and the rounds of each body have `gained` in it, and not by work [J].
         """
         time, integral = self.time + h, self.integral + 0.5 * h * (self.kinetic + kinetic)
         mean = integral / jnp.where(time > 0, time, 1)
@@ -106,21 +144,21 @@ class Phase(NamedTuple):
         pulled = self.gained + gained - response.early * self.early
         energy = pulled / (1 + share * (response.faster + h * response.early))
         early = self.early + h * share * energy
-        change = _turn(self.angles, angles)
-        turned, path = self.turned + change, self.path + _sizes(change)
-        least, most = jnp.minimum(self.least, turned), jnp.maximum(self.most, turned)
         largest = jnp.maximum(self.largest, kinetic)
         bent = _BENT * jnp.abs(1 - 2 * mean / jnp.where(largest > 0, largest, 1))
-        reach = _sizes(most - least)
-        counts = jnp.minimum(jnp.minimum(reach / _WHOLE, 1) ** 2, bent)
-        sizes, whirls = _sizes(spins), 2 * reach > path
-        is_moved = self.is_moved | (_sizes(spins - self.spins) > _STEADY * sizes)
-        often = (path > 2 * np.pi * _TURNS) & is_moved
-        off = jnp.where(often, sizes, 0) * jnp.abs(early)
-        angle = jnp.maximum(self.angle, jnp.max(jnp.where(whirls, off, 0)))
-        swing = jnp.maximum(self.swing, jnp.max(jnp.where(whirls, 0, counts * off)))
-        turns = angles, turned, least, most, path, spins, is_moved
-        return Phase(*turns, kinetic, largest, integral, time, energy, early, angle, swing)
+        before, sizes = self.motion, _sizes(motion.spins)
+        turns = self.turns.add(_turn(before.angles, motion.angles))
+        rounds = self.rounds.add(_between(before.velocities, motion.velocities))
+        counts = jnp.minimum(jnp.minimum(turns.reach / _WHOLE, 1) ** 2, bent)
+        is_moved = self.is_moved | (_sizes(motion.spins - before.spins) > _STEADY * sizes)
+        off = jnp.where(turns.often & is_moved, sizes, 0) * jnp.abs(early[0])
+        around = jnp.where(rounds.often & rounds.whirls, rounds.path, 0) * jnp.abs(early[1])
+        around *= jnp.minimum(bent, 1) / jnp.where(time > 0, time, 1)
+        angle = jnp.maximum(self.angle, jnp.max(jnp.where(turns.whirls, off, 0)))
+        swing = jnp.where(turns.whirls, 0, counts * off)
+        swing = jnp.maximum(self.swing, jnp.max(jnp.maximum(swing, around)))
+        energies = kinetic, largest, integral, time, energy, early
+        return Phase(motion, turns, is_moved, rounds, *energies, angle, swing)
 
 
 def _sizes(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
@@ -135,18 +173,32 @@ def _turn(
     """
     if before.shape[1] == 1:
         return after - before
-    sine, cosine = quaternions.apply(quaternions.space_matrix(before), after), before * after
-    cosine, size = jnp.sum(cosine, axis=1), _sizes(sine)
+    sine = quaternions.apply(quaternions.space_matrix(before), after)
+    cosine, size = jnp.sum(before * after, axis=1), _sizes(sine)
     turn = 2 * jnp.arctan2(size, jnp.abs(cosine)) * jnp.sign(cosine)
     return sine * (turn / jnp.where(size > 0, size, 1))[:, None]
+
+
+def _between(
+    before: Float[Array, "bodies d"], after: Float[Array, "bodies d"]
+) -> Float[Array, "bodies axes"]:
+    """By what angles directions turn from some velocities to others [rad]; none where one of them
+    is zero.
+    """
+    cosine = jnp.sum(before * after, axis=1, keepdims=True)
+    if before.shape[1] == 2:
+        return jnp.arctan2(jnp.cross(before, after)[:, None], cosine)
+    sine = jnp.cross(before, after)
+    size = jnp.sqrt(jnp.sum(sine**2, axis=1, keepdims=True))
+    return sine * (jnp.arctan2(size, cosine) / jnp.where(size > 0, size, 1))
 
 
 def shares_of(
     energy: Energy,
     v: Float[Array, " n"],
     errors: tuple[Float[Array, " n"], Float[Array, " n"]],
-    spins: Float[Array, "bodies axes"],
-    spin_errors: tuple[Float[Array, "bodies axes"], Float[Array, "bodies axes"]],
+    speeds: Float[Array, "bodies k"],
+    speed_errors: tuple[Float[Array, "bodies k"], Float[Array, "bodies k"]],
 ) -> Float[Array, " bodies"]:
     """What share of a step's error of energy is one of each body's speed, as its method estimates
     it: all, where the motion has one freedom; of a motor's wheel little, where it is the carriage
@@ -158,14 +210,15 @@ def shares_of(
     **Arguments:**
 
     - `energy`, `v`: at the end of the step, of the system. `errors`: e_q, e_v of the step.
-    - `spins`: the angular velocities of bodies, and `spin_errors` by e_q and e_v.
+    - `speeds`: the angular velocities of bodies, or their velocities, and `speed_errors` by e_q
+      and e_v.
     """
     # The derivative of the size of nothing is infinite.
-    parts = jax.lax.stop_gradient((energy, v, errors, spins, spin_errors))
-    energy, v, (of_q, of_v), spins, (turned, faster) = parts
+    parts = jax.lax.stop_gradient((energy, v, errors, speeds, speed_errors))
+    energy, v, (of_q, of_v), speeds, (moved, faster) = parts
     change = multiply(energy.slope, of_q) + multiply(energy.momentum, of_v)
     own = jnp.linalg.norm(faster, axis=1) * 2 * energy.kinetic
-    own += jnp.linalg.norm(turned, axis=1) * jnp.abs(multiply(energy.slope, v))
+    own += jnp.linalg.norm(moved, axis=1) * jnp.abs(multiply(energy.slope, v))
     own *= _SCATTER
-    whole = jnp.linalg.norm(spins, axis=1) * jnp.abs(change)
+    whole = jnp.linalg.norm(speeds, axis=1) * jnp.abs(change)
     return jnp.where(own < whole, own / jnp.where(whole > 0, whole, 1), 1.0)
