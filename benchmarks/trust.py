@@ -29,6 +29,7 @@ from trust_kinds import (
     events,
     flexible,
     joints,
+    lasting,
     loads,
     planar,
     reduced,
@@ -65,7 +66,7 @@ VERDICTS = ("right", "told", "false", "apart", "silent")
 SHOWN = 60  # cases that are listed
 FAMILIES = (
     *(planar, driven, flexible, spatial, top, bent, loads, events, contacts, scales, reduced),
-    *(sizes, rods, states, rolling, joints, stops, tumbling, combined),
+    *(sizes, rods, states, rolling, joints, stops, tumbling, combined, lasting),
 )
 KINDS: dict[str, Kind] = {name: kind for family in FAMILIES for name, kind in family.KINDS.items()}
 

@@ -62,7 +62,7 @@ def turning(
         return jnp.zeros((), q.dtype)
     state, a = accelerated(system, t, q, v, stabilization)
     spins, changes = turns_of(full, state, a)
-    rounds = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
+    rounds, _ = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
     fastest = jnp.max(jnp.maximum(spins**2 + 2 * _LATER * changes, rounds**2))
     return jax.lax.stop_gradient(jnp.sqrt(fastest))
 

@@ -29,8 +29,8 @@ class Frequencies(NamedTuple):
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
-    # Root of the largest angular acceleration of a body, about how fast one turns that is let go;
-    # or how fast one goes round.
+    # Root of the largest angular acceleration of a body, or of its acceleration for its distance:
+    # about how fast one turns that is let go.
     swing: Float[Array, ""]
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness is unknown, as with friction, or where nobody asks.
@@ -58,8 +58,8 @@ def frequencies(
     if system.full.structure.frames:
         full, (state, a) = system.full, accelerated(system, t, q, v, _unstabilized(system, q))
         spins, changes = turns_of(full, state, a)
-        rounds = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
-        swing = jnp.sqrt(jnp.max(jnp.maximum(changes, rounds**2)))
+        pulls = rounds_of(full, jnp.asarray(t, q.dtype), state, a)[1]
+        swing = jnp.sqrt(jnp.max(jnp.maximum(changes, pulls)))
         # In the plane a balanced body turns without any effort.
         spin = jnp.max(spins) if full.structure.quaternions else spin
     return Frequencies(rigid, fastest, spin, swing, all_acting)
@@ -91,21 +91,24 @@ def turns_of(
 
 def rounds_of(
     full: AbstractSystem, t: Float[Array, ""], state: AbstractState, a: Float[Array, " N"]
-) -> Float[Array, " bodies"]:
+) -> tuple[Float[Array, " bodies"], Float[Array, " bodies"]]:
     """How fast the directions turn in which bodies move [rad/s],
 
         2 |v × a| / (v² + ℓ a),
 
     which is that of a circle of the radius ℓ, the distance from the origin or the radius of
-    gyration of all, and no more than √(a / ℓ) where a body is slow.
+    gyration of all, and no more than √(a / ℓ) where a body is slow; and a / ℓ [rad/s²]. Zero where
+    an acceleration is not finite.
     """
     places, v, a = (x[full.structure.positions] for x in (state.q, state.v, a))
     squared, squares = jnp.sum(v**2, axis=1), jnp.sum(a**2, axis=1)
     across = jnp.sqrt(jnp.maximum(squared * squares - jnp.sum(v * a, axis=1) ** 2, 0))
     far = jnp.maximum(jnp.sqrt(jnp.sum(places**2, axis=1)), gyration_of(full, t, state.q))
-    least = squared + far * jnp.sqrt(squares)
-    rounds = 2 * across / jnp.where(least > 0, least, 1)
-    return jnp.where(jnp.isfinite(rounds), rounds, 0)
+    size = jnp.sqrt(squares)
+    least = squared + far * size
+    rounds, pulls = 2 * across / jnp.where(least > 0, least, 1), size / jnp.where(far > 0, far, 1)
+    is_known = jnp.isfinite(size)
+    return jnp.where(is_known, rounds, 0), jnp.where(is_known, pulls, 0)
 
 
 def spins_of(
