@@ -53,7 +53,8 @@ def turning(
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
 ) -> Float[Array, ""]:
-    """How fast bodies turn at a state, or will a quarter of a radian later, or go round [rad/s].
+    """How fast bodies turn at a state, or will a quarter of a radian later, or go round, or to and
+    fro, by the rules of this module [rad/s].
 
     Zero where joints move with time, since no angle drifts that is prescribed.
     """
@@ -62,9 +63,10 @@ def turning(
         return jnp.zeros((), q.dtype)
     state, a = accelerated(system, t, q, v, stabilization)
     spins, changes = turns_of(full, state, a)
-    rounds, _ = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
-    fastest = jnp.max(jnp.maximum(spins**2 + 2 * _LATER * changes, rounds**2))
-    return jax.lax.stop_gradient(jnp.sqrt(fastest))
+    rounds, pulls = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
+    turned = spins**2 + 2 * _LATER * changes
+    moved = jnp.maximum(rounds**2, 2 * _LATER * pulls)
+    return jax.lax.stop_gradient(jnp.sqrt(jnp.max(jnp.maximum(turned, moved))))
 
 
 def turning_rtol(
