@@ -5,7 +5,19 @@ import numpy as np
 import pytest
 from comparison import assert_close
 from scipy.integrate import solve_ivp
-from test_many_turns import ALLOWED, CASES, RTOL, SPIN, TIGHT, TURNS, tip
+from test_many_turns import (
+    ALLOWED,
+    CASES,
+    LENGTH,
+    RTOL,
+    SPEED,
+    SPIN,
+    STIFFNESS,
+    TIGHT,
+    TURNS,
+    tip,
+    true_position,
+)
 from zoo import GRAVITY, RODAS5P, bar
 
 import romjax as rj
@@ -142,3 +154,40 @@ def test_a_balance_wheel():
     # What errors of the energy would make of the angle of a pendulum.
     share = np.max(np.abs(energy.balance)) / np.max(energy.kinetic)
     assert 40.0 * ts[-1] * share / 8 > ALLOWED
+
+
+def test_a_body_that_vibrates_along_a_rail_does_not_go_round():
+    """It turns back at each end, which is no half of a round: errors of its energy are none of its
+    frequency.
+    """
+    carriage = rj.RigidBody("carriage", 1.0, 1.0, position=(2.0, 0.0))
+    rail = rj.Prismatic(carriage.at(), rj.ground.at())
+    spring = rj.Spring(carriage.at(), rj.ground.at(), 100.0, rest_length=1.0)
+    system = rj.assemble(rj.Scene([carriage], [rail], [spring]))
+    ts = np.linspace(0.0, 2 * np.pi, 101)
+    run = rj.simulate(system, ts, atol=RTOL)
+    assert run.is_valid
+    assert_close(run["carriage.x"], 1.0 + np.cos(10.0 * ts), ALLOWED)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:simulate. its bodies turn or swing so many times")
+@pytest.mark.parametrize("space", [False, True], ids=["plane", "space"])
+def test_a_body_that_goes_round_on_a_spring(space):
+    """In the plane and in space, by tolerances that are given."""
+    own = {
+        "position": (1.0, 0.0, 0.0)[: 2 + space],
+        "velocity": (0.0, SPEED * 0.6, SPEED * 0.8) if space else (0.0, SPEED),
+    }
+    make, inertia = (rj.spatial.RigidBody, np.ones(3)) if space else (rj.RigidBody, 1.0)
+    body = make("body", 1.0, inertia, **own)
+    centre = rj.ground.at((0.0,) * (2 + space))
+    spring = rj.Spring(body.at(), centre, STIFFNESS, rest_length=LENGTH)
+    system = rj.assemble(rj.Scene([body], effects=[spring]))
+    for end, often in ((2.0, False), (50.0, True)):
+        ts = np.linspace(0.0, end, 101)
+        run, truth = rj.simulate(system, ts, solver=RODAS5P, atol=RTOL), true_position(ts)
+        across = 0.6 * run["body.y"] + 0.8 * run["body.z"] if space else run["body.y"]
+        wrong = np.max(np.abs(np.stack([run["body.x"], across], -1) - truth)) > ALLOWED
+        assert wrong == often
+        assert run.flags == (rj.Flag.PHASE if often else 0)

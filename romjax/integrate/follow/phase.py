@@ -25,6 +25,8 @@ _BENT = 4.0
 # Changes of an angular velocity below this share are rounding: such a body, as a balanced wheel in
 # the plane, turns without any effort, and no step errs in it.
 _STEADY = 1e-7
+# A direction that changes by more in a step [rad] is that of a body that turns back.
+_BACK = 2.0
 # Estimates of the errors of a step scatter, coordinate by coordinate, so that a body has less than
 # all of an error of energy only where its own is so many times too small for that.
 _SCATTER = 10.0
@@ -183,14 +185,13 @@ def _between(
     before: Float[Array, "bodies d"], after: Float[Array, "bodies d"]
 ) -> Float[Array, "bodies axes"]:
     """By what angles directions turn from some velocities to others [rad]; none where one of them
-    is zero.
+    is zero, or where a body turns back, which may be either way.
     """
     cosine = jnp.sum(before * after, axis=1, keepdims=True)
-    if before.shape[1] == 2:
-        return jnp.arctan2(jnp.cross(before, after)[:, None], cosine)
-    sine = jnp.cross(before, after)
+    sine = jnp.cross(before, after).reshape(len(before), -1)
     size = jnp.sqrt(jnp.sum(sine**2, axis=1, keepdims=True))
-    return sine * (jnp.arctan2(size, cosine) / jnp.where(size > 0, size, 1))
+    angle = jnp.arctan2(size, cosine)
+    return sine * jnp.where(angle < _BACK, angle / jnp.where(size > 0, size, 1), 0)
 
 
 def shares_of(
