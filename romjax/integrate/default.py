@@ -23,6 +23,7 @@ from .adjoint import has_root_finder
 from .rodas5p import Rodas5P
 from .settings import AtStart
 from .trajectory import Trajectory
+from .turning import MOST, TURNS
 
 # A run with fewer outputs is judged as if it had so many: it may be asked for its end alone.
 _OUTPUTS = 100
@@ -33,9 +34,9 @@ _FEWEST, _FOLLOWING, _STABLE = 50, 1.4, 4.0
 # them, each at several times the cost (measured for pendulums of a rod up to 4000 steps, whose tips
 # turn by 1 to 1e-3).
 _RUNG = 1e4
-# Steps that Rodas5P takes in a swing, where it makes few of them, and the turns and swings beyond
-# which its tolerances go with 1/N², as of a method of order five (`turning.py`).
-_SWING, _FEW, _FINER = 20.0, 3.0, 0.4
+# Steps that Rodas5P takes at least in a swing that nothing damps, where a run has few of them, and
+# how they grow with their number N, since tolerances go with 1/N² (`turning.py`).
+_SWING, _FINER = 20.0, 2 / 5
 # Steps of Dopri8 up to which a system may rest on its stops or contacts for all of a run.
 _RESTED = 1e4
 # What a step of Rodas5P costs in steps of Dopri8: by parts, whatever the number of coordinates; of
@@ -152,10 +153,10 @@ def default_method(
     few steps; if it is, both methods follow it, and Rodas5P's steps cost c times as much: 2 where
     its derivatives come by parts, 1.5 + n/10 where its matrices are dense (measured for 8 to 96
     coordinates). Rodas5P is taken if Dopri8 instead of it would at worst lose a larger factor,
-    E / (50 c) with E steps, than Rodas5P instead of Dopri8 does at worst, 1.4 c. Where a body is
-    let go, Rodas5P takes more than 50, for its N swings and the tolerances that they ask for, about
-    20 N (N / 3)^0.4 (a mass that swings on a spring of four times its frequency, N = 100: 26 000,
-    Dopri8 6100).
+    E / (50 c) with E steps, than Rodas5P instead of Dopri8 does at worst, 1.4 c. Where
+    bodies make N swings that nothing damps, Rodas5P takes at least 20 N (N / 3)^0.4 instead of 50,
+    for the tolerances that they ask for (a mass that swings on a spring a hundred times, while
+    that vibrates four hundred times: 26 000, and Dopri8 6100).
     """
     explicit, implicit = _solvers()
     known, times, step = concrete(start.fastest), concrete(ts), concrete(dt)
@@ -186,8 +187,8 @@ def default_method(
         return Method(explicit, "a body swings as fast as anything, and has to be followed")
     if ringing and fastest * span / _STABLE <= _RUNG:
         return Method(explicit, "what bends far without damping vibrates, and has to be followed")
-    swings = swing * span / (2 * np.pi)
-    fewest = max(_FEWEST, _SWING * swings * max(swings / _FEW, 1.0) ** _FINER)
+    swings = float(np.asarray(start.lasting)) * span / (2 * np.pi)
+    fewest = max(_FEWEST, _SWING * swings * (min(max(swings, TURNS), MOST) / TURNS) ** _FINER)
     if fastest * span / _STABLE <= fewest * _FOLLOWING * cost**2:
         return Method(explicit, "steps that resolve the fastest frequency are cheaper here")
     return Method(implicit, "the fastest frequency is far above what the outputs can show")

@@ -23,7 +23,7 @@ from .status import Status
 # Angles [rad] that are wrong by less are not told of, so that a smaller rtol is a cure; nor those
 # below the second number in fixed steps, for which there is no tolerance.
 _FINE, _OFF = 1e-4, 0.05
-# In space, where the speed of a body that goes round depends on its energy and on its angular
+# In space, where the speed of a body that turns on and on depends on its energy and on its angular
 # momentum, errors of methods of even order, which gain less energy than they err by, are so many
 # times what it says.
 _EVEN = 4.0

@@ -83,11 +83,12 @@ def simulate(
       relative to how far and how fast the motion has got, of whatever size it is; but where it
       has moved by more than a metre or a radian, or faster than one a second, they are `rtol` in
       these units and relative to each coordinate (`romjax/march/tolerances.py`). Where bodies
-      turn N times at the angular velocity of their start, and no joint prescribes a motion, steps
-      take 9 / N² of that, from three turns to a hundred; those of explicit methods 9 / 25 at
-      most (`romjax/integrate/turning.py`). The iterations of implicit methods of diffrax take
-      `rtol` in metres for `atol`; with these, a motion of less than a centimetre is repeated with
-      both as much smaller as it is (not while JAX traces, where `Trajectory.flags` says so).
+      turn, go round or swing N times by their velocities and accelerations at the start, and no
+      joint prescribes a motion, steps take 9 / N² of that, from three turns to a hundred; those
+      of explicit methods 9 / 25 at most (`romjax/integrate/turning.py`). The iterations of
+      implicit methods of diffrax take `rtol` in metres for `atol`; with these, a motion of less
+      than a centimetre is repeated with both as much smaller as it is (not while JAX traces, where
+      `Trajectory.flags` says so).
     - `dt`: a fixed step [s] instead of step size control. With it, steps end where signals have
       corners, and see each cycle of those that vibrate (`AbstractSignal`); fixed steps do not.
     - `stabilization`: `Baumgarte(alpha, beta)`, `Projection()` or None; unless given, critical

@@ -9,7 +9,8 @@ three; methods of a high order err by less the tighter they are.
 So do angles of bodies that swing far, whose frequency changes with their energy: of a pendulum of
 the amplitude a, dω/ω = -a² dE / 16 E where one that whirls has dE / 2 E. A body of the angular
 velocity ω and acceleration α counts with the angular velocity √(ω² + 2 |α| φ) that it has when it
-has turned by φ more, a quarter of a radian.
+has turned by φ more, a quarter of a radian. Bodies that go round or swing without turning, as a
+mass on a spring does, count alike with √(2 φ) of their ω (`Turns`), where nothing damps them.
 
 Explicit methods are as accurate in any run as in one of five turns, at a third of the tolerance,
 whether anything turns or not. A motion close to an unstable equilibrium magnifies errors, as of a
@@ -26,22 +27,23 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.arrays import Time
+from ..common.partition import detached
 from ..system.base import AbstractSystem
-from ..system.frequencies import accelerated, rounds_of, turns_of
+from ..system.frequencies import Turns
 from ..system.local import local_system
 from ..system.mobility import moves
 from ..system.stabilization import Baumgarte
 from .settings import Settings
 
 # Turns after which angles of free bodies and whirling pendulums err by 5 to 50 times the tolerance.
-_TURNS = 3.0
+TURNS = 3.0
 # The angle that bodies have turned on when their angular velocity counts [rad].
 _LATER = 0.25
 # Turns that explicit methods allow for at least.
 _FEWEST = 5.0
 # Turns beyond which steps get no shorter: those of Rodas5P are four times as many by then, and a
 # run that an event or a brake ends early has paid for turns that it does not make.
-_MOST = 100.0
+MOST = 100.0
 # Nothing is below, in units in the last place, where rounding errors are those of a step.
 _DIGITS = 500
 
@@ -53,31 +55,28 @@ def turning(
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
 ) -> Float[Array, ""]:
-    """How fast bodies turn at a state, or will a quarter of a radian later, or go round, or to and
-    fro, by the rules of this module [rad/s].
+    """How fast bodies turn at a state, or swing, by the rules of this module [rad/s].
 
     Zero where joints move with time, since no angle drifts that is prescribed.
     """
     full = system.full
     if not full.structure.frames or (full.m and moves(full)):
         return jnp.zeros((), q.dtype)
-    state, a = accelerated(system, t, q, v, stabilization)
-    spins, changes = turns_of(full, state, a)
-    rounds, pulls = rounds_of(full, jnp.asarray(t, q.dtype), state, a)
-    turned = spins**2 + 2 * _LATER * changes
-    moved = jnp.maximum(rounds**2, 2 * _LATER * pulls)
-    return jax.lax.stop_gradient(jnp.sqrt(jnp.max(jnp.maximum(turned, moved))))
+    # Derivatives of what they do not reach would be a tenth of the program of a gradient.
+    turns = Turns.of(*detached(system, t, q, v, stabilization))
+    squares = jnp.maximum(turns.spins**2 + 2 * _LATER * turns.changes, 2 * _LATER * turns.swings)
+    return jnp.sqrt(jnp.max(squares))
 
 
 def turning_rtol(
-    rtol: Any, turning: Float[Array, ""], span: Any, fewest: float = _TURNS
+    rtol: Any, turning: Float[Array, ""], span: Any, fewest: float = TURNS
 ) -> Float[Array, ""]:
     """The relative tolerance of the steps of a run that lasts for `span` [s], in which bodies go on
     with the angular velocity `turning` of its start, but make the `fewest` turns at least.
     """
     turns = turning * jax.lax.stop_gradient(span) / (2 * np.pi)
     least = jnp.minimum(rtol, _DIGITS * jnp.finfo(turns.dtype).eps)
-    return jnp.maximum(rtol * (_TURNS / jnp.clip(turns, fewest, _MOST)) ** 2, least)
+    return jnp.maximum(rtol * (TURNS / jnp.clip(turns, fewest, MOST)) ** 2, least)
 
 
 def for_turns(
@@ -97,7 +96,7 @@ def for_turns(
     chart = None if post_step is None else post_step.start(system)
     if chart is not None:
         system = local_system(system, post_step, (q0, v0, chart))
-    fewest = _FEWEST if isinstance(settings.solver, diffrax.AbstractERK) else _TURNS
+    fewest = _FEWEST if isinstance(settings.solver, diffrax.AbstractERK) else TURNS
     speed = turning(system, ts[0], q0, v0, settings.baumgarte)
     finer = turning_rtol(settings.rtol, speed, ts[-1] - ts[0], fewest)
     # The `atol` of root finders may be finer already.

@@ -14,8 +14,7 @@ from ..scene.effect.base import AbstractMarkerEffect
 from .base import AbstractSystem
 from .dynamics import solve
 from .stabilization import Baumgarte
-from .start import gyration_of
-from .state import AbstractState
+from .start import extent_of
 
 # Makes a system whose effects that may begin act, or not.
 _Acting = Callable[[Bool[Array, ""]], AbstractSystem]
@@ -29,9 +28,10 @@ class Frequencies(NamedTuple):
     rigid: Float[Array, ""]  # fastest rigid-body frequency
     fastest: Float[Array, ""]  # fastest frequency or rate of decay of all
     spin: Float[Array, ""]  # fastest angular velocity of a body in space
-    # Root of the largest angular acceleration of a body, or of its acceleration for its distance:
-    # about how fast one turns that is let go.
+    # Root of the largest angular acceleration of a body: about how fast one turns that is let go.
     swing: Float[Array, ""]
+    # Fastest swing of a body, turning or not, that nothing damps.
+    lasting: Float[Array, ""]
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness is unknown, as with friction, or where nobody asks.
     acting: Float[Array, ""]
@@ -54,61 +54,64 @@ def frequencies(
     if system.m > 0 and system.full is not system:
         state = system.state(t, q, v)
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
-    spin = swing = jnp.zeros_like(fastest)
+    spin = swing = lasting = jnp.zeros_like(fastest)
     if system.full.structure.frames:
-        full, (state, a) = system.full, accelerated(system, t, q, v, _unstabilized(system, q))
-        spins, changes = turns_of(full, state, a)
-        pulls = rounds_of(full, jnp.asarray(t, q.dtype), state, a)[1]
-        swing = jnp.sqrt(jnp.max(jnp.maximum(changes, pulls)))
+        turns = Turns.of(system, t, q, v, _unstabilized(system, q))
+        swing, lasting = (jnp.sqrt(jnp.max(x)) for x in (turns.changes, turns.swings))
         # In the plane a balanced body turns without any effort.
-        spin = jnp.max(spins) if full.structure.quaternions else spin
-    return Frequencies(rigid, fastest, spin, swing, all_acting)
+        spin = jnp.max(turns.spins) if system.full.structure.quaternions else spin
+    return Frequencies(rigid, fastest, spin, swing, lasting, all_acting)
 
 
-def accelerated(
-    system: AbstractSystem,
-    t: Time,
-    q: Float[Array, " n"],
-    v: Float[Array, " n"],
-    stabilization: Baumgarte | None,
-) -> tuple[AbstractState, Float[Array, " N"]]:
-    """A state, and the accelerations of the physical coordinates in it."""
-    t, state = jnp.asarray(t, q.dtype), system.state(t, q, v)
-    return state, state.physical_acceleration(solve(system, t, q, v, stabilization).acceleration)
+class Turns(NamedTuple):
+    """How all bodies turn and swing at a state, (bodies,) each; numbers that are not finite, of
+    which the run tells, are zero.
 
+    - `spins`, `changes`: the sizes of angular velocities [rad/s] and accelerations [rad/s²].
+    - `swings`: squares ω² [rad²/s²] of how fast bodies go round or to and fro, turning or not,
 
-def turns_of(
-    full: AbstractSystem, state: AbstractState, a: Float[Array, " N"]
-) -> tuple[Float[Array, " bodies"], Float[Array, " bodies"]]:
-    """The sizes of the angular velocities [rad/s] and accelerations [rad/s²] of all bodies; zero
-    where an acceleration is not finite, of which the run tells.
+          ω² = min(a / ℓ, |∂a/∂r|):
+
+      as about an equilibrium that is as far as the mechanism is large, ℓ, no faster than they
+      vibrate, and not at all in free flight. The derivative is that along the acceleration. Zero
+      where some force takes power or gives it, so that motions do not last.
     """
-    spins, changes = (
-        jnp.sqrt(jnp.sum(spins_of(full, state.q, x) ** 2, axis=1)) for x in (state.v, a)
-    )
-    return spins, jnp.where(jnp.isfinite(changes), changes, 0)
+
+    spins: Float[Array, " bodies"]
+    changes: Float[Array, " bodies"]
+    swings: Float[Array, " bodies"]
+
+    @classmethod
+    def of(
+        cls,
+        system: AbstractSystem,
+        t: Time,
+        q: Float[Array, " n"],
+        v: Float[Array, " n"],
+        stabilization: Baumgarte | None,
+    ) -> "Turns":
+        full, t, state = system.full, jnp.asarray(t, q.dtype), system.state(t, q, v)
+        along = solve(system, t, q, v, stabilization).acceleration
+        a, places = state.physical_acceleration(along), full.structure.positions
+        spins, changes = (_norms(spins_of(full, state.q, x)) for x in (state.v, a))
+        swings = jnp.zeros_like(spins)
+        if full.state(t, state.q, state.v).power() is None:
+            pulls, length = _norms(a[places]), extent_of(full, t, state.q)
+            # As in `_estimate`, and in lengths.
+            step, most = jnp.sqrt(jnp.finfo(q.dtype).eps) * length, jnp.max(pulls)
+            moved = q + step / jnp.where(most > 0, most, 1) * along
+            later = system.state(t, moved, v)
+            other = later.physical_acceleration(
+                solve(system, t, moved, v, stabilization).acceleration
+            )
+            ways = _norms((later.q - state.q)[places])
+            slopes = _norms((other - a)[places]) / jnp.where(ways > 0, ways, 1)
+            swings = jnp.minimum(pulls / jnp.where(length > 0, length, 1), slopes)
+        return cls(spins, *(jnp.where(jnp.isfinite(x), x, 0) for x in (changes, swings)))
 
 
-def rounds_of(
-    full: AbstractSystem, t: Float[Array, ""], state: AbstractState, a: Float[Array, " N"]
-) -> tuple[Float[Array, " bodies"], Float[Array, " bodies"]]:
-    """How fast the directions turn in which bodies move [rad/s],
-
-        2 |v × a| / (v² + ℓ a),
-
-    which is that of a circle of the radius ℓ, the distance from the origin or the radius of
-    gyration of all, and no more than √(a / ℓ) where a body is slow; and a / ℓ [rad/s²]. Zero where
-    an acceleration is not finite.
-    """
-    places, v, a = (x[full.structure.positions] for x in (state.q, state.v, a))
-    squared, squares = jnp.sum(v**2, axis=1), jnp.sum(a**2, axis=1)
-    across = jnp.sqrt(jnp.maximum(squared * squares - jnp.sum(v * a, axis=1) ** 2, 0))
-    far = jnp.maximum(jnp.sqrt(jnp.sum(places**2, axis=1)), gyration_of(full, t, state.q))
-    size = jnp.sqrt(squares)
-    least = squared + far * size
-    rounds, pulls = 2 * across / jnp.where(least > 0, least, 1), size / jnp.where(far > 0, far, 1)
-    is_known = jnp.isfinite(size)
-    return jnp.where(is_known, rounds, 0), jnp.where(is_known, pulls, 0)
+def _norms(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
+    return jnp.sqrt(jnp.sum(x**2, axis=1))
 
 
 def spins_of(

@@ -166,21 +166,25 @@ def _length(
     rows: Float[Array, "m n"],
 ) -> Float[Array, ""]:
     """L, from the coordinates and |C_q| by metres and radians [m]."""
-    structure = system.structure
-    positions, turns = _kinds(structure)
-    places = q[structure.positions]
-    apart = jnp.max(jnp.max(places, axis=0) - jnp.min(places, axis=0))
+    positions, turns = _kinds(system.structure)
     by_turns = jnp.max(jnp.where(turns[None], rows, 0), axis=1)
     by_positions = jnp.max(jnp.where(positions[None], rows, 0), axis=1)
     moved = by_positions > 0
     # Metres of violation per radian: the distance of a joint from the frame of its body.
     arms = jnp.where(moved, by_turns / jnp.where(moved, by_positions, 1), 0)
-    return jnp.maximum(jnp.max(arms, initial=apart), gyration_of(system, t, q))
+    return jnp.max(arms, initial=extent_of(system, t, q))
 
 
-def gyration_of(
+def extent_of(
     system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]
 ) -> Float[Array, ""]:
+    """The largest of the distances between bodies and of their radius of gyration [m]."""
+    places = q[system.structure.positions]
+    apart = jnp.max(jnp.max(places, axis=0) - jnp.min(places, axis=0))
+    return jnp.maximum(apart, _gyration(system, t, q))
+
+
+def _gyration(system: AbstractSystem, t: Float[Array, ""], q: Float[Array, " n"]) -> Array:
     """The radius of gyration of all bodies together, each about its own frame [m]."""
     structure = system.structure
     moving = np.zeros(len(structure.coordinates))

@@ -1,4 +1,6 @@
-"""By how much bodies that turn or swing many times may be too far: what errors of energy do."""
+"""By how much bodies that turn, swing or go round many times may be too far: what errors of energy
+do.
+"""
 
 from typing import NamedTuple
 
