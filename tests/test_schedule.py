@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from comparison import assert_close
 from tolerances import DIFFERENCED, SOLVED
 
 import romjax as rj
@@ -212,3 +213,20 @@ def test_a_pulse_is_differentiable_and_batchable_by_its_corners():
     np.testing.assert_allclose(batch, exact, rtol=SOLVED)
     slopes = jax.jit(jax.jacrev(ends, argnums=(0, 1)))(0.463, 1e-2)
     np.testing.assert_allclose(slopes, [[-1.0, 0.0], [-1.0, 0.0]], atol=DIFFERENCED)
+
+
+class OwnSine(AbstractSignal):
+    """A user's signal, which has no numbers."""
+
+    def __call__(self, t):
+        return jnp.sin(t)
+
+
+def test_a_signal_of_a_users_own_without_numbers():
+    """The way t - sin t of a kilogram, and half of it of two."""
+    body = rj.RigidBody("body", 1.0, 1.0)
+    other = rj.RigidBody("other", 2.0, 1.0)
+    forces = [rj.Force(one.at(), (1.0, 0.0), OwnSine()) for one in (body, other)]
+    run = simulate(rj.assemble(rj.Scene([body, other], effects=forces)), TS)
+    assert_close(run["body.x"], TS - np.sin(TS), SOLVED)
+    assert_close(run["other.x"], (TS - np.sin(TS)) / 2, SOLVED)

@@ -39,10 +39,14 @@ class _Still(AbstractSignal):
         return self.signal(jnp.zeros_like(t))
 
 
+def _has_numbers(signal: AbstractSignal) -> bool:
+    return any(eqx.is_array(x) for x in jax.tree.leaves(signal))
+
+
 class Schedule(eqx.Module):
     """The signals of a system.
 
-    - `stacked`: those of a `AbstractStack`, with its leading axis. `single`: all others.
+    - `stacked`: those of an `AbstractStack`, with its leading axis. `single`: all others.
     - `changing`: the full system, where something else changes with time.
     - `outputs`, `hidden`: where something says nothing of when it changes, the times of outputs,
       and whether it does so in the time up to the next one too fast for a step of that length.
@@ -62,8 +66,11 @@ class Schedule(eqx.Module):
             full, is_leaf=lambda x: isinstance(x, AbstractStack) or is_signal(x)
         )
         stacks = [part for part in parts if isinstance(part, AbstractStack)]
-        stacked = [signal for stack in stacks for signal in signals_of(stack)]
-        single = [part for part in parts if is_signal(part)]
+        signals = [signal for stack in stacks for signal in signals_of(stack)]
+        # Those without numbers, as users' own may be, have no axis: they are one for all elements.
+        stacked = [signal for signal in signals if _has_numbers(signal)]
+        single = [signal for signal in signals if not _has_numbers(signal)]
+        single += [part for part in parts if is_signal(part)]
         # Elements of romjax change with time by their signals only. Others are traced to find out,
         # which takes a while.
         own = stacks and all(stack.kind.__module__.startswith("romjax.") for stack in stacks)
