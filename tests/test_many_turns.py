@@ -87,7 +87,7 @@ def position(run) -> np.ndarray:
 
 
 def true_position(ts) -> np.ndarray:
-    """R'' = −k (1 − l / r) r of one kilogram."""
+    """By r'' = −k (1 − l / r) r of one kilogram."""
 
     def rate(t, y):
         return [*y[2:], *(-STIFFNESS * (1 - LENGTH / np.hypot(*y[:2])) * y[:2])]
@@ -235,15 +235,20 @@ def mass_between_springs(at=0.0) -> rj.Scene:
     return rj.Scene([body], [rail], [spring])
 
 
+def true_vibration(ts, start, stiffness) -> np.ndarray:
+    """By x'' = −k (1 − l / r) x of one kilogram, on a spring whose other end is a metre aside."""
+
+    def rate(t, y):
+        return [y[1], -stiffness * (1 - 0.9 / np.hypot(y[0], 1.0)) * y[0]]
+
+    return solve_ivp(rate, (0.0, ts[-1]), [start, 0.0], t_eval=ts, **TIGHT).y[0]
+
+
 @pytest.mark.slow
 def test_many_swings_without_a_turn():
     """A hundred and twelve, which were off by 1.1e-2; wherever the origin is."""
     ts = np.linspace(0.0, 100.0, 101)
-
-    def rate(t, y):
-        return [y[1], -STIFFNESS * (1 - 0.9 / np.hypot(y[0], 1.0)) * y[0]]
-
-    truth = solve_ivp(rate, (0.0, ts[-1]), [LENGTH, 0.0], t_eval=ts, **TIGHT).y[0]
+    truth = true_vibration(ts, LENGTH, STIFFNESS)
     for at in (0.0, 1000.0):
         run = rj.simulate(rj.assemble(mass_between_springs(at)), ts)
         assert run.is_valid

@@ -156,7 +156,7 @@ def default_method(
     E / (50 c) with E steps, than Rodas5P instead of Dopri8 does at worst, 1.4 c. Where
     bodies make N swings that nothing damps, Rodas5P takes at least 20 N (N / 3)^0.4 instead of 50,
     for the tolerances that they ask for (a mass that swings on a spring a hundred times, while
-    that vibrates four hundred times: 26 000, and Dopri8 6100).
+    that could vibrate 560 times: 26 000, and Dopri8 6600).
     """
     explicit, implicit = _solvers()
     known, times, step = concrete(start.fastest), concrete(ts), concrete(dt)

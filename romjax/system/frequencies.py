@@ -15,6 +15,7 @@ from .base import AbstractSystem
 from .dynamics import solve
 from .stabilization import Baumgarte
 from .start import extent_of
+from .state import AbstractState
 
 # Makes a system whose effects that may begin act, or not.
 _Acting = Callable[[Bool[Array, ""]], AbstractSystem]
@@ -90,28 +91,24 @@ class Turns(NamedTuple):
         v: Float[Array, " n"],
         stabilization: Baumgarte | None,
     ) -> "Turns":
-        full, t, state = system.full, jnp.asarray(t, q.dtype), system.state(t, q, v)
-        along = solve(system, t, q, v, stabilization).acceleration
-        a, places = state.physical_acceleration(along), full.structure.positions
-        spins, changes = (_norms(spins_of(full, state.q, x)) for x in (state.v, a))
+        full, t, places = system.full, jnp.asarray(t, q.dtype), system.full.structure.positions
+
+        def accelerated(q: Array) -> tuple[AbstractState, Array, Array]:
+            state, along = system.state(t, q, v), solve(system, t, q, v, stabilization).acceleration
+            return state, along, state.physical_acceleration(along)
+
+        state, along, a = accelerated(q)
+        spins, changes = (jnp.linalg.norm(spins_of(full, state.q, x), axis=1) for x in (state.v, a))
         swings = jnp.zeros_like(spins)
         if full.state(t, state.q, state.v).power() is None:
-            pulls, length = _norms(a[places]), extent_of(full, t, state.q)
+            pulls, length = jnp.linalg.norm(a[places], axis=1), extent_of(full, t, state.q)
             # As in `_estimate`, and in lengths.
             step, most = jnp.sqrt(jnp.finfo(q.dtype).eps) * length, jnp.max(pulls)
-            moved = q + step / jnp.where(most > 0, most, 1) * along
-            later = system.state(t, moved, v)
-            other = later.physical_acceleration(
-                solve(system, t, moved, v, stabilization).acceleration
-            )
-            ways = _norms((later.q - state.q)[places])
-            slopes = _norms((other - a)[places]) / jnp.where(ways > 0, ways, 1)
+            later, _, other = accelerated(q + step / jnp.where(most > 0, most, 1) * along)
+            ways = jnp.linalg.norm((later.q - state.q)[places], axis=1)
+            slopes = jnp.linalg.norm((other - a)[places], axis=1) / jnp.where(ways > 0, ways, 1)
             swings = jnp.minimum(pulls / jnp.where(length > 0, length, 1), slopes)
         return cls(spins, *(jnp.where(jnp.isfinite(x), x, 0) for x in (changes, swings)))
-
-
-def _norms(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
-    return jnp.sqrt(jnp.sum(x**2, axis=1))
 
 
 def spins_of(
