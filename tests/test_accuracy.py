@@ -169,7 +169,7 @@ def test_figure_and_page(found, tmp_path):
     html = text.read_text()
     assert "A &lt;study&gt;" in html
     assert "data:image/png;base64," in html
-    assert "http" not in html  # self-contained
+    assert "://" not in html  # self-contained; base64 may spell any word, but has no colon
     assert html.count("<tr") == len(found.rows) + 1
     assert max(len(line) for line in page.summary(found).splitlines()) <= 80
 
