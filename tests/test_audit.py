@@ -40,7 +40,8 @@ def test_what_is_wrong_is_found(name):
     motion = run(made(), **settings)
     assert not motion.is_valid
     words = motion.warnings()
-    assert "energy" in words or "CONSTRAINTS_VIOLATED" in words
+    # At a change point rounding decides which branch is taken, and only one of them gains energy.
+    assert any(word in words for word in ("energy", "CONSTRAINTS_VIOLATED", "singular position"))
 
 
 @pytest.mark.instant

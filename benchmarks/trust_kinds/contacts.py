@@ -19,9 +19,11 @@ from .planar import log
 MOST = 1000  # times that contact begins or ends
 
 
-def drawn(chance: np.random.Generator, height: float, speed: np.ndarray, end: float) -> Numbers:
+def drawn(
+    chance: np.random.Generator, height: float, speed: np.ndarray, end: float, steep: float = 0.6
+) -> Numbers:
     """A block that sinks in by 1e-6 to 1e-3 m at rest; the plane is tilted."""
-    mass, tilt = log(chance, 0.1, 10.0), chance.uniform(-0.6, 0.6)
+    mass, tilt = log(chance, 0.1, 10.0), chance.uniform(-steep, steep)
     normal = np.array([-np.sin(tilt), np.cos(tilt)])
     sunk = log(chance, 1e-6, 1e-3)
     along = np.array([normal[1], -normal[0]])

@@ -121,7 +121,7 @@ def warn_of_doubt(system: AbstractSystem, run: Trajectory) -> None:
     if status == _SUCCESS and flags & _PHASE:
         warnings.warn(
             f"simulate: {WORDS[Flag.PHASE]}: it takes {_tolerances(run)}. The error goes with rtol "
-            "and with the square of the turns or swings: choose a smaller rtol.",
+            "and with the square of the turns, swings or bounces: choose a smaller rtol.",
             stacklevel=3,
         )
     if status != _SUCCESS or not flags & DOUBTS:

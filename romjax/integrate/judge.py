@@ -197,6 +197,8 @@ def _phase_flag(
     controlled = jnp.maximum(_FINE, allowed_share(jnp.asarray(settings.rtol)))
     allowed = controlled if settings.dt is None else _OFF
     off = jnp.maximum(factor * phase.angle, phase.swing)
+    if phase.bounces is not None:
+        off = jnp.maximum(off, phase.bounces.off)
     return (off > allowed) * int(Flag.PHASE)
 
 

@@ -24,6 +24,7 @@ from ...system.mobility import moves
 from ...system.stabilization import Baumgarte
 from ...system.state import AbstractState, Power
 from ..post_step import PostStep
+from .bounces import Touching
 from .branching import Branching
 from .energy_balance import EnergyBalance, Momentary
 from .phase import Motion, Phase, Response, shares_of
@@ -83,7 +84,8 @@ class Audit(AbstractFollower):
         phase = None
         if self.watches_phases:
             state = self._at(start.t, start.y)[1]
-            phase = Phase.start(self._motion(state), state.energy().kinetic)
+            touching = self._touching(start, state)
+            phase = Phase.start(self._motion(state), touching, state.energy().kinetic)
         return Findings(balance, branching, beyond, lengths, phase)
 
     @property
@@ -134,7 +136,8 @@ class Audit(AbstractFollower):
             gained = balance.imbalance - seen.balance.imbalance
             gained *= self._shares(state, motion, after.y, tried.error)
             # No derivative is taken of findings, and that of the size of no spin is infinite.
-            parts = jax.lax.stop_gradient((h, motion, now.kinetic, gained, response))
+            parts = h, motion, self._touching(after, state), now.kinetic, gained, response
+            parts = jax.lax.stop_gradient(parts)
             phase = phase.follow(*parts)
         new = Findings(balance, branching, beyond, lengths, phase)
         chosen: Findings = jax.tree.map(lambda a, b: jnp.where(step.kept, a, b), new, seen)
@@ -148,6 +151,13 @@ class Audit(AbstractFollower):
         full = self.system.full
         angles, velocities = state.q[full.structure.turns], state.v[full.structure.positions]
         return Motion(angles, spins_of(full, state.q, state.v), velocities)
+
+    def _touching(self, at: Progress, state: AbstractState) -> Touching | None:
+        full = self.system.full
+        gaps = full.state(at.t, state.q, state.v).gaps()
+        if gaps is None:
+            return None
+        return Touching(gaps, state.q[full.structure.positions], state.v[full.structure.positions])
 
     def _limits(self, at: Progress) -> Any:
         state = self._at(at.t, at.y)[1]

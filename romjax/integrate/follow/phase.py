@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 from ...linalg import quaternions
 from ...linalg.dense import multiply
 from ...system.state import Energy
+from .bounces import Bounces, Touching
 
 # Turns, to and fro, after which a body counts: before, errors of its speed have not added up.
 _TURNS = 3.0
@@ -95,10 +96,11 @@ class Phase(NamedTuple):
     as much less as its frequency changes less. Each has a δE and a τ of its own, since a step may
     err in the motion of another one (`shares_of`). A body that goes round without turning is off by
     the share ω τ of its distance, with the mean angular velocity ω of the direction in which it
-    moves.
+    moves. Of bodies that bounce, T̄ / max T counts (`Bounces`).
 
     - `motion`: at the end of the last step. `turns`: of bodies; `is_moved` (bodies,): whether
       anything has changed their angular velocities. `rounds`: of the directions of velocities.
+      `bounces`: None where nothing may begin.
     - `kinetic`: T [J], with the `largest` so far, and its `integral` [J s]; `time`: since the
       start [s]. `gained`: δE [J], first of turns and then of rounds; `early`: τ [s] of them.
     - `angle`: the largest |ω τ| so far of a body that has turned often [rad]; `swing`: the same of
@@ -109,6 +111,7 @@ class Phase(NamedTuple):
     turns: Turned
     is_moved: Bool[Array, " bodies"]
     rounds: Turned
+    bounces: Bounces | None
     kinetic: Float[Array, ""]
     largest: Float[Array, ""]
     integral: Float[Array, ""]
@@ -119,18 +122,21 @@ class Phase(NamedTuple):
     swing: Float[Array, ""]
 
     @classmethod
-    def start(cls, motion: Motion, kinetic: Array) -> "Phase":
+    def start(cls, motion: Motion, touching: Touching | None, kinetic: Array) -> "Phase":
         zero, none = jnp.zeros((), kinetic.dtype), jnp.zeros(len(motion.spins), kinetic.dtype)
         level, nothing = 0 * motion.spins, jnp.stack([none, none])
         # In the plane directions turn about one axis, as bodies do.
         turned = Turned(level, level, level, none)
         energies = kinetic, kinetic, zero, zero
-        return cls(motion, turned, none > 0, turned, *energies, nothing, nothing, zero, zero)
+        bounces = None if touching is None else Bounces.begin(touching)
+        moved = turned, none > 0, turned, bounces
+        return cls(motion, *moved, *energies, nothing, nothing, zero, zero)
 
     def follow(
         self,
         h: Float[Array, ""],
         motion: Motion,
+        touching: Touching | None,
         kinetic: Float[Array, ""],
         gained: Float[Array, "2 bodies"],
         response: Response,
@@ -149,7 +155,8 @@ class Phase(NamedTuple):
         energy = pulled / (1 + share * (response.faster + h * response.early))
         early = self.early + h * share * energy
         largest = jnp.maximum(self.largest, kinetic)
-        bent = _BENT * jnp.abs(1 - 2 * mean / jnp.where(largest > 0, largest, 1))
+        ratio = mean / jnp.where(largest > 0, largest, 1)
+        bent = _BENT * jnp.abs(1 - 2 * ratio)
         before, sizes = self.motion, _sizes(motion.spins)
         turns = self.turns.add(_turn(before.angles, motion.angles))
         rounds = self.rounds.add(_between(before.velocities, motion.velocities))
@@ -158,11 +165,17 @@ class Phase(NamedTuple):
         off = jnp.where(turns.often & is_moved, sizes, 0) * jnp.abs(early[0])
         around = jnp.where(rounds.often & rounds.whirls, rounds.path, 0) * jnp.abs(early[1])
         around *= jnp.minimum(bent, 1) / jnp.where(time > 0, time, 1)
+        bounces = self.bounces
+        if bounces is not None and touching is not None:
+            bounces = bounces.follow(touching, ratio * early[1])
+            counts = jnp.where(bounces.often, ratio, counts)
+            # One that hops along a floor turns its direction one way as it flies, and not back.
+            around = jnp.where(bounces.often, 0, around)
         angle = jnp.maximum(self.angle, jnp.max(jnp.where(turns.whirls, off, 0)))
         swing = jnp.where(turns.whirls, 0, counts * off)
         swing = jnp.maximum(self.swing, jnp.max(jnp.maximum(swing, around)))
         energies = kinetic, largest, integral, time, energy, early
-        return Phase(motion, turns, is_moved, rounds, *energies, angle, swing)
+        return Phase(motion, turns, is_moved, rounds, bounces, *energies, angle, swing)
 
 
 def _sizes(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
