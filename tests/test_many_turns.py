@@ -201,16 +201,18 @@ def test_how_fast_bodies_turn():
     assert_close(fastest(rj.assemble(tumbler())), wanted, IDENTITY, wanted)
 
 
-def sprung(position, *effects, at=0.0) -> rj.Scene:
-    """A body that is let go on a spring, whose other end is somewhere."""
-    body = rj.RigidBody("body", 1.0, 0.1, position=(at + position, 0.0))
+def sprung(position, *effects, at=0.0, velocity=0.0) -> rj.Scene:
+    """A body that is let go on a spring, whose other end is somewhere, or hit."""
+    own = {"position": (at + position, 0.0), "velocity": (velocity, 0.0)}
+    body = rj.RigidBody("body", 1.0, 0.1, **own)
     spring = rj.Spring(body.at(), rj.ground.at((at, 0.0)), STIFFNESS, rest_length=LENGTH)
     return rj.Scene([body], effects=[spring, *(make(body) for make in effects)])
 
 
 def test_how_fast_bodies_swing_that_do_not_turn():
     """Let go far from equilibrium, they count as √(k / 2 m), and close to it as √(a / 2 ℓ) with
-    their radius of gyration, wherever the origin is; not at all where something damps them.
+    their radius of gyration, wherever the origin is; not at all where something damps them much.
+    Those that are hit at their equilibrium count as √(ω v / 2 ℓ).
     """
     # The mean of both axes in the plane, of which it has inertia about none.
     gyration, pulled = np.sqrt(0.1 / 2), 0.1 * STIFFNESS
@@ -218,8 +220,12 @@ def test_how_fast_bodies_swing_that_do_not_turn():
         assert_close(fastest(rj.assemble(sprung(1.0, at=at))), np.sqrt(STIFFNESS / 2), 1e-6, 1.0)
     close = fastest(rj.assemble(sprung(LENGTH + 0.1)))
     assert_close(close, np.sqrt(pulled / gyration / 2), IDENTITY, 1.0)
-    damped = sprung(1.0, lambda body: rj.Damper(body.at(), rj.ground.at(), 1.0))
-    assert fastest(rj.assemble(damped)) == 0
+    hit = rj.assemble(sprung(LENGTH, velocity=0.1))
+    wanted = np.sqrt(np.sqrt(STIFFNESS) * 0.1 / gyration / 2)
+    assert_close(fastest(hit), wanted, 1e-6, 1.0)
+    for damping, counts in ((0.1, 1.0), (1.0, 0.0)):
+        damped = sprung(1.0, lambda body, d=damping: rj.Damper(body.at(), rj.ground.at(), d))
+        assert_close(fastest(rj.assemble(damped)), counts * np.sqrt(STIFFNESS / 2), 1e-6, 1.0)
 
 
 def test_free_flight_is_no_swing():
@@ -227,21 +233,22 @@ def test_free_flight_is_no_swing():
     assert_close(fastest(rj.assemble(rj.Scene([ball], effects=[rj.Gravity()]))), 0.0, 1e-6)
 
 
-def mass_between_springs(at=0.0) -> rj.Scene:
+def mass_between_springs(at=0.0, position=LENGTH, velocity=0.0) -> rj.Scene:
     """On a rail across a spring that is stretched a little: the farther, the faster."""
-    body = rj.RigidBody("body", 1.0, 0.1, position=(at + LENGTH, 0.0))
+    own = {"position": (at + position, 0.0), "velocity": (velocity, 0.0)}
+    body = rj.RigidBody("body", 1.0, 0.1, **own)
     rail = rj.Prismatic(body.at(), rj.ground.at())
     spring = rj.Spring(body.at(), rj.ground.at((at, 1.0)), STIFFNESS, rest_length=0.9)
     return rj.Scene([body], [rail], [spring])
 
 
-def true_vibration(ts, start, stiffness) -> np.ndarray:
+def true_vibration(ts, start, stiffness, velocity=0.0) -> np.ndarray:
     """By x'' = −k (1 − l / r) x of one kilogram, on a spring whose other end is a metre aside."""
 
     def rate(t, y):
         return [y[1], -stiffness * (1 - 0.9 / np.hypot(y[0], 1.0)) * y[0]]
 
-    return solve_ivp(rate, (0.0, ts[-1]), [start, 0.0], t_eval=ts, **TIGHT).y[0]
+    return solve_ivp(rate, (0.0, ts[-1]), [start, velocity], t_eval=ts, **TIGHT).y[0]
 
 
 @pytest.mark.slow
@@ -254,6 +261,16 @@ def test_many_swings_without_a_turn():
         assert run.is_valid
         assert run.solver_name == "Dopri8"
         assert_close(run["body.x"] - at, truth, ALLOWED, 2 * LENGTH)
+
+
+@pytest.mark.slow
+def test_many_vibrations_of_a_mass_that_is_hit():
+    """Where its acceleration is zero."""
+    ts = np.linspace(0.0, 100.0, 101)
+    run = rj.simulate(rj.assemble(mass_between_springs(position=0.0, velocity=5.0)), ts)
+    assert run.is_valid
+    truth = true_vibration(ts, 0.0, STIFFNESS, velocity=5.0)
+    assert_close(run["body.x"], truth, ALLOWED, np.max(np.abs(truth)))
 
 
 def wheel(spin) -> rj.Scene:

@@ -21,6 +21,8 @@ from .state import AbstractState
 _Acting = Callable[[Bool[Array, ""]], AbstractSystem]
 # Steps of the power iteration: the estimate settles a choice, not a result.
 _ITERATIONS = 12
+# Vibrations for which a motion lasts that counts: after fewer, errors of its phase are small.
+_LASTING = 3.0
 
 
 class Frequencies(NamedTuple):
@@ -71,11 +73,13 @@ class Turns(NamedTuple):
     - `spins`, `changes`: the sizes of angular velocities [rad/s] and accelerations [rad/s²].
     - `swings`: squares ω² [rad²/s²] of how fast bodies go round or to and fro, turning or not,
 
-          ω² = min(a / ℓ, |∂a/∂r|):
+          ω² = min((a + |∂a/∂r v| / ω₀) / ℓ, ω₀²),   ω₀² = |∂a/∂r|:
 
       as about an equilibrium that is as far as the mechanism is large, ℓ, no faster than they
-      vibrate, and not at all in free flight. The derivative is that along the acceleration. Zero
-      where some force takes power or gives it, so that motions do not last.
+      vibrate, and not at all in free flight. A body that is hit at its equilibrium has its largest
+      acceleration, ω₀ v, later. Derivatives are those along the acceleration and along the
+      velocity, the larger of them. Zero where forces take or give energy too fast for motions to
+      last.
     """
 
     spins: Float[Array, " bodies"]
@@ -92,23 +96,58 @@ class Turns(NamedTuple):
         stabilization: Baumgarte | None,
     ) -> "Turns":
         full, t, places = system.full, jnp.asarray(t, q.dtype), system.full.structure.positions
+        state = system.state(t, q, v)
+        length, speeds = extent_of(full, t, state.q), _sizes(state.v[places])
+        # As in `_estimate`, and in lengths.
+        step = jnp.sqrt(jnp.finfo(q.dtype).eps) * length
 
-        def accelerated(q: Array) -> tuple[AbstractState, Array, Array]:
-            state, along = system.state(t, q, v), solve(system, t, q, v, stabilization).acceleration
-            return state, along, state.physical_acceleration(along)
+        def accelerated(along: Array, ways: Array) -> tuple[Array, tuple[Array, Array]]:
+            # A loop, since the acceleration is most of the program; `along` is that of the start.
+            place = q + step * (ways[0] * along + ways[1] * v / _positive(jnp.max(speeds)))
+            moved, found = (
+                system.state(t, place, v),
+                solve(system, t, place, v, stabilization).acceleration,
+            )
+            a = moved.physical_acceleration(found)
+            first = found / _positive(jnp.max(_sizes(a[places])))
+            return jnp.where(jnp.any(ways > 0), along, first), (moved.q[places], a)
 
-        state, along, a = accelerated(q)
-        spins, changes = (jnp.linalg.norm(spins_of(full, state.q, x), axis=1) for x in (state.v, a))
-        swings = jnp.zeros_like(spins)
-        if full.state(t, state.q, state.v).power() is None:
-            pulls, length = jnp.linalg.norm(a[places], axis=1), extent_of(full, t, state.q)
-            # As in `_estimate`, and in lengths.
-            step, most = jnp.sqrt(jnp.finfo(q.dtype).eps) * length, jnp.max(pulls)
-            later, _, other = accelerated(q + step / jnp.where(most > 0, most, 1) * along)
-            ways = jnp.linalg.norm((later.q - state.q)[places], axis=1)
-            slopes = jnp.linalg.norm((other - a)[places], axis=1) / jnp.where(ways > 0, ways, 1)
-            swings = jnp.minimum(pulls / jnp.where(length > 0, length, 1), slopes)
+        ways = jnp.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], q.dtype)
+        _, (at, a) = jax.lax.scan(accelerated, 0 * q, ways)
+        moved, changed = (_sizes(x[1:] - x[:1]) for x in (at, a[:, places]))
+        squares = jnp.max(changed / _positive(moved), axis=0)
+        later = changed[1] / _positive(step) * jnp.max(speeds) / _positive(jnp.sqrt(squares))
+        pulls = _sizes(a[0][places]) + later
+        swings = jnp.minimum(pulls / _positive(length), squares)
+        swings = jnp.where(_lasts(full, t, state, a[0], jnp.sqrt(jnp.max(swings))), swings, 0)
+        spins, changes = (_sizes(spins_of(full, state.q, x)) for x in (state.v, a[0]))
         return cls(spins, *(jnp.where(jnp.isfinite(x), x, 0) for x in (changes, swings)))
+
+
+def _lasts(
+    full: AbstractSystem, t: Time, state: AbstractState, a: Float[Array, " N"], rate: Array
+) -> Bool[Array, ""] | bool:
+    """Whether forces take and give less energy than would end the phase of a motion of some `rate`
+    [rad/s] in a few vibrations.
+
+    In a vibration dampers take P of the kinetic energy T at the rate P / 2T of all energy, so that
+    amplitudes fall by the half of that, and errors of the phase count until 2 T / P.
+    """
+    moving = full.state(t, state.q, state.v + a / _positive(rate))
+    power = moving.power()
+    if power is None:
+        return True
+    taken = jnp.abs(power.dissipation) + jnp.abs(power.supply)
+    return taken * 2 * np.pi * _LASTING <= rate * 2 * moving.energy().kinetic
+
+
+def _sizes(x: Float[Array, "*rows d"]) -> Float[Array, "*rows"]:
+    return jnp.linalg.norm(x, axis=-1)
+
+
+def _positive(x: Array) -> Array:
+    """One for zero, which is divided by where nothing moves."""
+    return jnp.where(x > 0, x, 1)
 
 
 def spins_of(
