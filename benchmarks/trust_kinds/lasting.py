@@ -180,7 +180,7 @@ def draw_ups_and_downs(chance: np.random.Generator) -> Numbers:
     """Of a slide between its stops; none is a graze, each of which would magnify errors."""
     p = stops.draw_slide(chance)
     rise = p["speed"] ** 2 / (2 * GRAVITY * p["axis"][2])
-    own = {"stops": np.array([p["stops"][0], rise * chance.uniform(0.5, 0.95)])}
+    own = {"stops": np.array([p["stops"][0], rise * chance.uniform(0.3, 0.8)])}
     return {**p, **own, "loss": loss(chance), "end": p["end"] * log(chance, 3.0, 30.0)}
 
 

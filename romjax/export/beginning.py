@@ -64,7 +64,7 @@ class Beginning:
     def _all(self, t0: Array, t1: Array, dt: Array, x: Array) -> Mapping[str, Array]:
         system, times = self.system, jnp.stack([t0, t1])
         estimates = frequencies(system, t0, x[: system.n], x[system.n :])
-        results = {"frequencies": jnp.stack(estimates)}
+        results = {"frequencies": jnp.stack(estimates[:-1])}
         for name, step in (("controlled", None), ("fixed", dt)):
             terms = default_stabilization(system, times, step, estimates)
             if terms is not None:

@@ -83,7 +83,11 @@ def functions_of(model: Model, stiff: bool, along: bool = False) -> list[Emitted
         if along and name in _DERIVED:
             emitted.extend(_with_derivatives(name, function, arguments, known, summaries[name]))
         else:
-            emitted.append(emit(function, f"model_{name}", arguments, known, summaries[name]))
+            # What is asked for once is short rather than fast: its loops stay loops.
+            own = {"unrolled": 0} if name == "start" else {}
+            emitted.append(
+                emit(function, f"model_{name}", arguments, known, summaries[name], **own)
+            )
     return emitted
 
 

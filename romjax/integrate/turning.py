@@ -54,16 +54,19 @@ def turning(
     q: Float[Array, " n"],
     v: Float[Array, " n"],
     stabilization: Baumgarte | None,
+    turns: Turns | None = None,
 ) -> Float[Array, ""]:
-    """How fast bodies turn at a state, or swing, by the rules of this module [rad/s].
+    """How fast bodies turn at a state, or swing, by the rules of this module [rad/s]; `turns`: of
+    the state, if they are known.
 
     Zero where joints move with time, since no angle drifts that is prescribed.
     """
     full = system.full
     if not full.structure.frames or (full.m and moves(full)):
         return jnp.zeros((), q.dtype)
-    # Derivatives of what they do not reach would be a tenth of the program of a gradient.
-    turns = Turns.of(*detached(system, t, q, v, stabilization))
+    if turns is None:
+        # Derivatives of what they do not reach would be a tenth of the program of a gradient.
+        turns = Turns.of(*detached(system, t, q, v, stabilization))
     squares = jnp.maximum(turns.spins**2 + 2 * _LATER * turns.changes, 2 * _LATER * turns.swings)
     return jnp.sqrt(jnp.max(squares))
 
@@ -93,11 +96,13 @@ def for_turns(
     """
     if settings.dt is not None:
         return settings
+    known = settings.known_start(system)
+    turns = None if known is None else known.frequencies.turns
     chart = None if post_step is None else post_step.start(system)
     if chart is not None:
-        system = local_system(system, post_step, (q0, v0, chart))
+        system, turns = local_system(system, post_step, (q0, v0, chart)), None
     fewest = _FEWEST if isinstance(settings.solver, diffrax.AbstractERK) else TURNS
-    speed = turning(system, ts[0], q0, v0, settings.baumgarte)
+    speed = turning(system, ts[0], q0, v0, settings.baumgarte, turns)
     finer = turning_rtol(settings.rtol, speed, ts[-1] - ts[0], fewest)
     # The `atol` of root finders may be finer already.
     rtol = jnp.where(settings.follow, finer, settings.rtol)

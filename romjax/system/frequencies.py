@@ -38,6 +38,7 @@ class Frequencies(NamedTuple):
     # Fastest of all while effects act that may begin on the way: zero without such, and infinite
     # where their stiffness is unknown, as with friction, or where nobody asks.
     acting: Float[Array, ""]
+    turns: "Turns | None" = None  # None without bodies
 
 
 def frequencies(
@@ -58,12 +59,13 @@ def frequencies(
         state = system.state(t, q, v)
         rigid, *_ = _estimate(system.full, t, state.q, state.v, None)
     spin = swing = lasting = jnp.zeros_like(fastest)
+    turns = None
     if system.full.structure.frames:
         turns = Turns.of(system, t, q, v, _unstabilized(system, q))
         swing, lasting = (jnp.sqrt(jnp.max(x)) for x in (turns.changes, turns.swings))
         # In the plane a balanced body turns without any effort.
         spin = jnp.max(turns.spins) if system.full.structure.quaternions else spin
-    return Frequencies(rigid, fastest, spin, swing, lasting, all_acting)
+    return Frequencies(rigid, fastest, spin, swing, lasting, all_acting, turns)
 
 
 class Turns(NamedTuple):
@@ -104,10 +106,8 @@ class Turns(NamedTuple):
         def accelerated(along: Array, ways: Array) -> tuple[Array, tuple[Array, Array]]:
             # A loop, since the acceleration is most of the program; `along` is that of the start.
             place = q + step * (ways[0] * along + ways[1] * v / _positive(jnp.max(speeds)))
-            moved, found = (
-                system.state(t, place, v),
-                solve(system, t, place, v, stabilization).acceleration,
-            )
+            moved = system.state(t, place, v)
+            found = solve(system, t, place, v, stabilization).acceleration
             a = moved.physical_acceleration(found)
             first = found / _positive(jnp.max(_sizes(a[places])))
             return jnp.where(jnp.any(ways > 0), along, first), (moved.q[places], a)
@@ -142,7 +142,8 @@ def _lasts(
 
 
 def _sizes(x: Float[Array, "*rows d"]) -> Float[Array, "*rows"]:
-    return jnp.linalg.norm(x, axis=-1)
+    sizes: Array = jnp.linalg.norm(x, axis=-1)
+    return sizes
 
 
 def _positive(x: Array) -> Array:

@@ -8,8 +8,9 @@ from jaxtyping import Array, Bool, Float
 # Contacts, each of which begins and ends, after which bodies bounce: before, errors have not added
 # up.
 _OFTEN = 3.0
-# Errors of up to so many times the estimate were measured.
-_SAFE = 1.5
+# Errors are up to so many times the estimate: less than it where a body flies up and falls, more
+# where it strikes a stop just below its highest place, since slow parts of a flight vary most.
+_SAFE = 2.5
 
 
 class Touching(NamedTuple):
@@ -29,13 +30,13 @@ class Bounces(NamedTuple):
     energy E, t ~ E^(∓1/2). With the energy E + δE it is early by τ̇ = ± δE / 2E, which is the share
     T̄ / E of δE / 2T̄ (`Phase`), and E is the largest kinetic energy.
 
-    - `last`: at the end of the last step. `count`: how often anything has begun or ended.
+    - `last`: at the end of the last step. `changes`: how often anything has begun or ended.
     - `start` (bodies, d): positions there [m]; `reach` (bodies,): the largest distances from them
       [m]; `fastest` (bodies,): the largest speeds [m/s]; `error` (bodies,): the largest errors [m].
     """
 
     last: Touching
-    count: Float[Array, ""]
+    changes: Float[Array, ""]
     start: Float[Array, "bodies d"]
     reach: Float[Array, " bodies"]
     fastest: Float[Array, " bodies"]
@@ -50,16 +51,16 @@ class Bounces(NamedTuple):
         """Return the bounces with a step added, by what is there at its end, and by how `early`
         each body is [s].
         """
-        count = self.count + jnp.sum((self.last.gaps < 0) != (now.gaps < 0))
+        changes = self.changes + jnp.sum((self.last.gaps < 0) != (now.gaps < 0))
         reach = jnp.maximum(self.reach, jnp.linalg.norm(now.positions - self.start, axis=1))
         fastest = jnp.maximum(self.fastest, jnp.linalg.norm(now.velocities, axis=1))
         error = jnp.maximum(self.error, fastest * jnp.abs(early))
-        return Bounces(now, count, self.start, reach, fastest, error)
+        return Bounces(now, changes, self.start, reach, fastest, error)
 
     @property
     def often(self) -> Bool[Array, ""]:
         """Whether anything bounces so often that errors of its energy are errors of its times."""
-        return self.count > 2 * _OFTEN
+        return self.changes > 2 * _OFTEN
 
     @property
     def off(self) -> Float[Array, ""]:
