@@ -335,6 +335,7 @@ def spoiled(**fields):
     ("event", "words"),
     [
         (spoiled(of="ball.y"), "of = 'ball.y' is no function of .system, t, q, v."),
+        (spoiled(of=lambda t, q, v: q[1]), "is no function of .system, t, q, v."),
         (rj.Crossing(height, level=np.nan), "Crossing: level is nan"),
         (spoiled(direction="down"), "direction = 'down' must be 'falling'"),
         (rj.Crossing(both), r"events\[0\] gives an array of shape \(2,\)"),

@@ -1,5 +1,6 @@
 """Events: moments at which a quantity of the state passes a level."""
 
+import inspect
 from collections.abc import Callable
 from typing import ClassVar, Literal
 
@@ -41,7 +42,7 @@ class AbstractEvent(eqx.Module):
     def check(self) -> None:
         """Raise an InputError that names the argument, its value and the remedy."""
         owner = type(self).__name__
-        if not callable(self.of):
+        if not callable(self.of) or not _takes_states(self.of):
             raise InputError(
                 f"{owner}: of = {self.of!r} is no function of (system, t, q, v); use one of "
                 "romjax.quantity, or write such a function."
@@ -52,6 +53,19 @@ class AbstractEvent(eqx.Module):
             raise InputError(
                 f"{owner}: direction = {self.direction!r} must be 'falling', 'rising' or 'both'."
             )
+
+
+def _takes_states(function: Quantity) -> bool:
+    """Whether a function can be called with four arguments, as far as it says what it takes."""
+    try:
+        signature = inspect.signature(function)
+    except ValueError:
+        return True
+    try:
+        signature.bind(*["system", "t", "q", "v"])
+    except TypeError:
+        return False
+    return True
 
 
 class Crossing(AbstractEvent):
