@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 _OFTEN = 3.0
 # Errors are up to so many times the estimate: less than it where a body flies up and falls, more
 # where it strikes a stop just below its highest place, since slow parts of a flight vary most.
-_SAFE = 2.5
+_SAFE = 3.0
 
 
 class Touching(NamedTuple):
