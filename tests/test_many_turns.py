@@ -211,7 +211,8 @@ def sprung(position, *effects, at=0.0, velocity=0.0) -> rj.Scene:
 
 def test_how_fast_bodies_swing_that_do_not_turn():
     """Let go far from equilibrium, they count as √(k / 2 m), and close to it as √(a / 2 ℓ) with
-    their radius of gyration, wherever the origin is; not at all where something damps them much.
+    their radius of gyration, wherever the origin is; not at all where dampers end that
+    within some vibrations.
     Those that are hit at their equilibrium count as √(ω v / 2 ℓ).
     """
     # The mean of both axes in the plane, of which it has inertia about none.

@@ -58,8 +58,9 @@ class AbstractEvent(eqx.Module):
 def _takes_states(function: Quantity) -> bool:
     """Whether a function can be called with four arguments, as far as it says what it takes."""
     try:
-        signature = inspect.signature(function)
-    except ValueError:
+        # What a decorator wraps may take something else.
+        signature = inspect.signature(function, follow_wrapped=False)
+    except (TypeError, ValueError):
         return True
     try:
         signature.bind(*["system", "t", "q", "v"])

@@ -196,9 +196,7 @@ def _phase_flag(
     factor = _EVEN if even and system.full.structure.quaternions else 1.0
     controlled = jnp.maximum(_FINE, allowed_share(jnp.asarray(settings.rtol)))
     allowed = controlled if settings.dt is None else _OFF
-    off = jnp.maximum(factor * phase.angle, phase.swing)
-    if phase.bounces is not None:
-        off = jnp.maximum(off, phase.bounces.off)
+    off = jnp.maximum(factor * phase.angle, jnp.maximum(phase.swing, phase.bounced))
     return (off > allowed) * int(Flag.PHASE)
 
 

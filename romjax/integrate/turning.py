@@ -10,7 +10,8 @@ So do angles of bodies that swing far, whose frequency changes with their energy
 the amplitude a, dω/ω = -a² dE / 16 E where one that whirls has dE / 2 E. A body of the angular
 velocity ω and acceleration α counts with the angular velocity √(ω² + 2 |α| φ) that it has when it
 has turned by φ more, a quarter of a radian. Bodies that go round or swing without turning, as a
-mass on a spring does, count alike with √(2 φ) of their ω (`Turns`), where nothing damps them much.
+mass on a spring does, count alike with √(2 φ) of their ω (`Turns`), where that lasts for twenty
+vibrations.
 
 Explicit methods are as accurate in any run as in one of five turns, at a third of the tolerance,
 whether anything turns or not. A motion close to an unstable equilibrium magnifies errors, as of a

@@ -31,7 +31,7 @@ WORDS = {
     Flag.BRANCH: "it passes a singular position so closely that it may have changed its branch",
     Flag.RESOLUTION: "its tolerances are hardly smaller than the motion itself",
     Flag.PHASE: "its bodies turn, swing or bounce so many times that errors of their speed add up "
-    "to more than 100 rtol, and 1e-4, of a radian or of their way, or 0.05 in fixed steps",
+    "to more than 100 rtol, and 1e-4, of a radian or of how far they get, or 0.05 in fixed steps",
     Flag.LIMIT: "an effect passes the end of what it is right for, as a bushing after half a turn",
     Flag.WEIGHTS: "its sampled bodies, whose weights are for other masses, have another energy",
     Flag.CAPPED: "modes above the cap vibrate, which they do at the cap and not as they should",

@@ -21,8 +21,8 @@ from .state import AbstractState
 _Acting = Callable[[Bool[Array, ""]], AbstractSystem]
 # Steps of the power iteration: the estimate settles a choice, not a result.
 _ITERATIONS = 12
-# Vibrations for which a motion lasts that counts: after fewer, errors of its phase are small.
-_LASTING = 3.0
+# Vibrations for which a motion lasts that counts: in fewer, errors of its phase stay small.
+_LASTING = 20.0
 
 
 class Frequencies(NamedTuple):
@@ -127,11 +127,11 @@ class Turns(NamedTuple):
 def _lasts(
     full: AbstractSystem, t: Time, state: AbstractState, a: Float[Array, " N"], rate: Array
 ) -> Bool[Array, ""] | bool:
-    """Whether forces take and give less energy than would end the phase of a motion of some `rate`
-    [rad/s] in a few vibrations.
+    """Whether forces take and give so little energy that a motion of a `rate` [rad/s] lasts for
+    `_LASTING` vibrations.
 
-    In a vibration dampers take P of the kinetic energy T at the rate P / 2T of all energy, so that
-    amplitudes fall by the half of that, and errors of the phase count until 2 T / P.
+    The power P that dampers take while the kinetic energy is T makes the energy of a vibration fall
+    at the rate P / 2T, and its amplitude at half of that: it lasts for about 2T / P.
     """
     moving = full.state(t, state.q, state.v + a / _positive(rate))
     power = moving.power()

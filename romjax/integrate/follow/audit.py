@@ -157,7 +157,9 @@ class Audit(AbstractFollower):
         gaps = full.state(at.t, state.q, state.v).gaps()
         if gaps is None:
             return None
-        return Touching(gaps, state.q[full.structure.positions], state.v[full.structure.positions])
+        places, v = full.structure.positions, self.system.structure.without_states(at.y[1])
+        gain = -multiply(state.energy().slope, v)
+        return Touching(gaps, state.q[places], state.v[places], gain)
 
     def _limits(self, at: Progress) -> Any:
         state = self._at(at.t, at.y)[1]

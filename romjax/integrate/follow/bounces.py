@@ -5,22 +5,37 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-# Contacts, each of which begins and ends, after which bodies bounce: before, errors have not added
-# up.
+# How often one contact has begun and ended when bodies bounce: before, errors have not added up.
 _OFTEN = 3.0
-# Errors are up to so many times the estimate: less than it where a body flies up and falls, more
+# Errors are up to so many times the estimate: as much as it where a body flies up and falls, more
 # where it strikes a stop just below its highest place, since slow parts of a flight vary most.
 _SAFE = 3.0
+# The least way of a body that is judged by itself, as a share of the largest of all.
+_LEAST = 1e-6
+# Bodies that turn to and fro by more than this angle [rad] swing.
+_SWINGS = 1e-2
 
 
 class Touching(NamedTuple):
     """The gaps of contacts, stops and ropes at a time, (contacts,), positions and velocities of the
-    frames of bodies [m], [m/s].
+    frames of bodies [m], [m/s], and how fast they gain kinetic energy from forces that have a
+    potential energy, `gain` [W].
     """
 
     gaps: Float[Array, " contacts"]
     positions: Float[Array, "bodies d"]
     velocities: Float[Array, "bodies d"]
+    gain: Float[Array, ""]
+
+    def action(
+        self, h: Float[Array, ""], before: "Touching", kinetic: tuple[Array, Array]
+    ) -> Float[Array, ""]:
+        """The integral of the kinetic energy over a step of the length h, `before` and after which
+        it is `kinetic` [J s]: that of Hermite's cubic, since one step may be a whole flight.
+        """
+        mean, most = 0.5 * (kinetic[0] + kinetic[1]), jnp.maximum(*kinetic)
+        # Forces that a step does not resolve make nonsense of it.
+        return h * jnp.clip(mean + h * (before.gain - self.gain) / 12, 0, 2 * most)
 
 
 class Bounces(NamedTuple):
@@ -28,15 +43,16 @@ class Bounces(NamedTuple):
 
     A body that bounces flies to and fro, or up and down, for times t that go with the root of its
     energy E, t ~ E^(∓1/2). With the energy E + δE it is early by τ̇ = ± δE / 2E, which is the share
-    T̄ / E of δE / 2T̄ (`Phase`), and E is the largest kinetic energy.
+    T̄ / E of δE / 2T̄ (`Phase`), and E is the largest kinetic energy. Where bodies swing, the times
+    between contacts are those of pendulums, and not judged so.
 
-    - `last`: at the end of the last step. `changes`: how often anything has begun or ended.
+    - `last`: at the end of the last step. `changes` (contacts,): how often each began or ended.
     - `start` (bodies, d): positions there [m]; `reach` (bodies,): the largest distances from them
       [m]; `fastest` (bodies,): the largest speeds [m/s]; `error` (bodies,): the largest errors [m].
     """
 
     last: Touching
-    changes: Float[Array, ""]
+    changes: Float[Array, " contacts"]
     start: Float[Array, "bodies d"]
     reach: Float[Array, " bodies"]
     fastest: Float[Array, " bodies"]
@@ -45,13 +61,13 @@ class Bounces(NamedTuple):
     @classmethod
     def begin(cls, now: Touching) -> "Bounces":
         zero = jnp.zeros_like(now.positions[:, 0])
-        return cls(now, jnp.zeros((), zero.dtype), now.positions, zero, zero, zero)
+        return cls(now, 0 * now.gaps, now.positions, zero, zero, zero)
 
     def follow(self, now: Touching, early: Float[Array, " bodies"]) -> "Bounces":
         """Return the bounces with a step added, by what is there at its end, and by how `early`
         each body is [s].
         """
-        changes = self.changes + jnp.sum((self.last.gaps < 0) != (now.gaps < 0))
+        changes = self.changes + ((self.last.gaps < 0) != (now.gaps < 0))
         reach = jnp.maximum(self.reach, jnp.linalg.norm(now.positions - self.start, axis=1))
         fastest = jnp.maximum(self.fastest, jnp.linalg.norm(now.velocities, axis=1))
         error = jnp.maximum(self.error, fastest * jnp.abs(early))
@@ -59,11 +75,15 @@ class Bounces(NamedTuple):
 
     @property
     def often(self) -> Bool[Array, ""]:
-        """Whether anything bounces so often that errors of its energy are errors of its times."""
-        return self.changes > 2 * _OFTEN
+        """Whether anything has bounced so often that errors of its energy have added up."""
+        return jnp.any(self.changes > 2 * _OFTEN)
 
-    @property
-    def off(self) -> Float[Array, ""]:
-        """By what share of its reach a body is off at most."""
-        share = _SAFE * self.error / jnp.where(self.reach > 0, self.reach, 1)
-        return jnp.where(self.often, jnp.max(share), 0)
+    def off(self, turned: Float[Array, " bodies"]) -> Float[Array, ""]:
+        """By what share of its reach a body is off at most; `turned`: how far each has turned, to
+        and fro [rad].
+        """
+        # What moves by rounding alone has no way to be a share of.
+        reach = jnp.maximum(self.reach, _LEAST * jnp.max(self.reach))
+        share = _SAFE * self.error / jnp.where(reach > 0, reach, 1)
+        judged = self.often & jnp.all(turned < _SWINGS)
+        return jnp.where(judged, jnp.max(share), 0)

@@ -96,7 +96,7 @@ class Phase(NamedTuple):
     as much less as its frequency changes less. Each has a δE and a τ of its own, since a step may
     err in the motion of another one (`shares_of`). A body that goes round without turning is off by
     the share ω τ of its distance, with the mean angular velocity ω of the direction in which it
-    moves. Of bodies that bounce, T̄ / max T counts (`Bounces`).
+    moves. Those that bounce are judged by `Bounces`.
 
     - `motion`: at the end of the last step. `turns`: of bodies; `is_moved` (bodies,): whether
       anything has changed their angular velocities. `rounds`: of the directions of velocities.
@@ -144,7 +144,11 @@ class Phase(NamedTuple):
         """Return the phase with a step of the length h added, by what is there at its end, and by
         what energy the turns and the rounds of each body have `gained` in it, and not by work [J].
         """
-        time, integral = self.time + h, self.integral + 0.5 * h * (self.kinetic + kinetic)
+        bounces = self.bounces
+        action = 0.5 * h * (self.kinetic + kinetic)
+        if bounces is not None and touching is not None:
+            action = touching.action(h, bounces.last, (self.kinetic, kinetic))
+        time, integral = self.time + h, self.integral + action
         mean = integral / jnp.where(time > 0, time, 1)
         # No less than its mean, since swings that come to rest are no turns. At rest nothing is
         # known.
@@ -165,10 +169,8 @@ class Phase(NamedTuple):
         off = jnp.where(turns.often & is_moved, sizes, 0) * jnp.abs(early[0])
         around = jnp.where(rounds.often & rounds.whirls, rounds.path, 0) * jnp.abs(early[1])
         around *= jnp.minimum(bent, 1) / jnp.where(time > 0, time, 1)
-        bounces = self.bounces
         if bounces is not None and touching is not None:
             bounces = bounces.follow(touching, ratio * early[1])
-            counts = jnp.where(bounces.often, ratio, counts)
             # One that hops along a floor turns its direction one way as it flies, and not back.
             around = jnp.where(bounces.often, 0, around)
         angle = jnp.maximum(self.angle, jnp.max(jnp.where(turns.whirls, off, 0)))
@@ -176,6 +178,13 @@ class Phase(NamedTuple):
         swing = jnp.maximum(self.swing, jnp.max(jnp.maximum(swing, around)))
         energies = kinetic, largest, integral, time, energy, early
         return Phase(motion, turns, is_moved, rounds, bounces, *energies, angle, swing)
+
+    @property
+    def bounced(self) -> Float[Array, ""]:
+        """By what share of its reach a body is off that has bounced."""
+        if self.bounces is None:
+            return jnp.zeros_like(self.time)
+        return self.bounces.off(jnp.where(self.turns.whirls, 0, self.turns.reach))
 
 
 def _sizes(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
