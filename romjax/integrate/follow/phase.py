@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...linalg import quaternions
 from ...linalg.dense import multiply
+from ...linalg.plane import perpendicular
 from ...system.state import Energy
 from .bounces import Bounces, Touching
 
@@ -212,7 +213,11 @@ def _between(
     is zero, or where a body turns back, which may be either way.
     """
     cosine = jnp.sum(before * after, axis=1, keepdims=True)
-    sine = jnp.cross(before, after).reshape(len(before), -1)
+    if before.shape[1] == 2:
+        # JAX has no cross product of the plane any more.
+        sine = jnp.sum(perpendicular(before.T).T * after, axis=1, keepdims=True)
+    else:
+        sine = jnp.cross(before, after)
     size = jnp.sqrt(jnp.sum(sine**2, axis=1, keepdims=True))
     angle = jnp.arctan2(size, cosine)
     return sine * jnp.where(angle < _BACK, angle / jnp.where(size > 0, size, 1), 0)
