@@ -77,7 +77,7 @@ def row_motion(p: Numbers, nudge: float = 0.0) -> np.ndarray:
 
 def move_row(p: Numbers, **settings: Any) -> tuple[Any, rj.Trajectory]:
     places, run = moved(row_scene)(p, **settings)
-    return places[:, ::2] - p["at"], run
+    return places[:, ::2] - p["at"][None], run
 
 
 # A swing of a nanometre to a metre about the lowest place of a bar of any length.
