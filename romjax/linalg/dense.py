@@ -291,7 +291,9 @@ def solve_by_similar(
     return solution
 
 
-def length(x: Float[Array, " k"]) -> Float[Array, ""]:
-    """|x|, with the derivative zero at zero, where it has none, in place of NaN."""
-    squared = jnp.sum(x**2)
-    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+def length(x: Float[Array, "*rows k"]) -> Float[Array, "*rows"]:
+    """|x| of a vector, or of each row; its derivative at zero, where it has none, is zero."""
+    squared = jnp.sum(x**2, axis=-1)
+    # NaN is none, and stays.
+    is_zero = squared == 0
+    return jnp.where(is_zero, 0.0, jnp.sqrt(jnp.where(is_zero, 1.0, squared)))

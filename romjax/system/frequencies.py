@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..common.arrays import Time
 from ..linalg import quaternions
+from ..linalg.dense import length
 from ..scene.effect.base import AbstractMarkerEffect
 from .base import AbstractSystem
 from .dynamics import solve
@@ -99,9 +100,9 @@ class Turns(NamedTuple):
     ) -> "Turns":
         full, t, places = system.full, jnp.asarray(t, q.dtype), system.full.structure.positions
         state = system.state(t, q, v)
-        length, speeds = extent_of(full, t, state.q), _sizes(state.v[places])
+        extent, speeds = extent_of(full, t, state.q), length(state.v[places])
         # As in `_estimate`, and in lengths.
-        step = jnp.sqrt(jnp.finfo(q.dtype).eps) * length
+        step = jnp.sqrt(jnp.finfo(q.dtype).eps) * extent
 
         def accelerated(along: Array, ways: Array) -> tuple[Array, tuple[Array, Array]]:
             # A loop, since the acceleration is most of the program; `along` is that of the start.
@@ -109,18 +110,18 @@ class Turns(NamedTuple):
             moved = system.state(t, place, v)
             found = solve(system, t, place, v, stabilization).acceleration
             a = moved.physical_acceleration(found)
-            first = found / _positive(jnp.max(_sizes(a[places])))
+            first = found / _positive(jnp.max(length(a[places])))
             return jnp.where(jnp.any(ways > 0), along, first), (moved.q[places], a)
 
         ways = jnp.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], q.dtype)
         _, (at, a) = jax.lax.scan(accelerated, 0 * q, ways)
-        moved, changed = (_sizes(x[1:] - x[:1]) for x in (at, a[:, places]))
+        moved, changed = (length(x[1:] - x[:1]) for x in (at, a[:, places]))
         squares = jnp.max(changed / _positive(moved), axis=0)
         later = changed[1] / _positive(step) * jnp.max(speeds) / _positive(jnp.sqrt(squares))
-        pulls = _sizes(a[0][places]) + later
-        swings = jnp.minimum(pulls / _positive(length), squares)
+        pulls = length(a[0][places]) + later
+        swings = jnp.minimum(pulls / _positive(extent), squares)
         swings = jnp.where(_lasts(full, t, state, a[0], jnp.sqrt(jnp.max(swings))), swings, 0)
-        spins, changes = (_sizes(spins_of(full, state.q, x)) for x in (state.v, a[0]))
+        spins, changes = (length(spins_of(full, state.q, x)) for x in (state.v, a[0]))
         return cls(spins, *(jnp.where(jnp.isfinite(x), x, 0) for x in (changes, swings)))
 
 
@@ -139,11 +140,6 @@ def _lasts(
         return True
     taken = jnp.abs(power.dissipation) + jnp.abs(power.supply)
     return taken * 2 * np.pi * _LASTING <= rate * 2 * moving.energy().kinetic
-
-
-def _sizes(x: Float[Array, "*rows d"]) -> Float[Array, "*rows"]:
-    sizes: Array = jnp.linalg.norm(x, axis=-1)
-    return sizes
 
 
 def _positive(x: Array) -> Array:

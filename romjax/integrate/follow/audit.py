@@ -135,7 +135,7 @@ class Audit(AbstractFollower):
             response = self._response(after.t, state, h, -work.dissipation)
             gained = balance.imbalance - seen.balance.imbalance
             gained *= self._shares(state, motion, after.y, tried.error)
-            # No derivative is taken of findings, and that of the size of no spin is infinite.
+            # No derivative is taken of findings.
             parts = h, motion, self._touching(after, state), now.kinetic, gained, response
             parts = jax.lax.stop_gradient(parts)
             phase = phase.follow(*parts)
@@ -157,9 +157,9 @@ class Audit(AbstractFollower):
         gaps = full.state(at.t, state.q, state.v).gaps()
         if gaps is None:
             return None
-        places, v = full.structure.positions, self.system.structure.without_states(at.y[1])
+        v = self.system.structure.without_states(at.y[1])
         gain = -multiply(state.energy().slope, v)
-        return Touching(gaps, state.q[places], state.v[places], gain)
+        return Touching(gaps, state.q[full.structure.positions], gain)
 
     def _limits(self, at: Progress) -> Any:
         state = self._at(at.t, at.y)[1]

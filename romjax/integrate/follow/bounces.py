@@ -5,6 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ...linalg.dense import length
+
 # How often one contact has begun and ended when bodies bounce: before, errors have not added up.
 _OFTEN = 3.0
 # Errors are up to so many times the estimate: as much as it where a body flies up and falls, more
@@ -17,14 +19,13 @@ _SWINGS = 1e-2
 
 
 class Touching(NamedTuple):
-    """The gaps of contacts, stops and ropes at a time, (contacts,), positions and velocities of the
-    frames of bodies [m], [m/s], and how fast they gain kinetic energy from forces that have a
-    potential energy, `gain` [W].
+    """The gaps of contacts, stops and ropes at a time, (contacts,), the positions of the frames of
+    bodies [m], and how fast they gain kinetic energy from forces that have a potential energy,
+    `gain` [W].
     """
 
     gaps: Float[Array, " contacts"]
     positions: Float[Array, "bodies d"]
-    velocities: Float[Array, "bodies d"]
     gain: Float[Array, ""]
 
     def action(
@@ -63,13 +64,15 @@ class Bounces(NamedTuple):
         zero = jnp.zeros_like(now.positions[:, 0])
         return cls(now, 0 * now.gaps, now.positions, zero, zero, zero)
 
-    def follow(self, now: Touching, early: Float[Array, " bodies"]) -> "Bounces":
-        """Return the bounces with a step added, by what is there at its end, and by how `early`
-        each body is [s].
+    def follow(
+        self, now: Touching, speeds: Float[Array, " bodies"], early: Float[Array, " bodies"]
+    ) -> "Bounces":
+        """Return the bounces with a step added, by what is there at its end, the `speeds` of bodies
+        [m/s], and by how `early` each is [s].
         """
         changes = self.changes + ((self.last.gaps < 0) != (now.gaps < 0))
-        reach = jnp.maximum(self.reach, jnp.linalg.norm(now.positions - self.start, axis=1))
-        fastest = jnp.maximum(self.fastest, jnp.linalg.norm(now.velocities, axis=1))
+        reach = jnp.maximum(self.reach, length(now.positions - self.start))
+        fastest = jnp.maximum(self.fastest, speeds)
         error = jnp.maximum(self.error, fastest * jnp.abs(early))
         return Bounces(now, changes, self.start, reach, fastest, error)
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...linalg import quaternions
-from ...linalg.dense import multiply
+from ...linalg.dense import length, multiply
 from ...linalg.plane import perpendicular
 from ...system.state import Energy
 from .bounces import Bounces, Touching
@@ -72,11 +72,11 @@ class Turned(NamedTuple):
         """Turned by a `change` more."""
         angle = self.angle + change
         least, most = jnp.minimum(self.least, angle), jnp.maximum(self.most, angle)
-        return Turned(angle, least, most, self.path + _sizes(change))
+        return Turned(angle, least, most, self.path + length(change))
 
     @property
     def reach(self) -> Float[Array, " bodies"]:
-        return _sizes(self.most - self.least)
+        return length(self.most - self.least)
 
     @property
     def whirls(self) -> Bool[Array, " bodies"]:
@@ -162,16 +162,16 @@ class Phase(NamedTuple):
         largest = jnp.maximum(self.largest, kinetic)
         ratio = mean / jnp.where(largest > 0, largest, 1)
         bent = _BENT * jnp.abs(1 - 2 * ratio)
-        before, sizes = self.motion, _sizes(motion.spins)
+        before, sizes = self.motion, length(motion.spins)
         turns = self.turns.add(_turn(before.angles, motion.angles))
         rounds = self.rounds.add(_between(before.velocities, motion.velocities))
         counts = jnp.minimum(jnp.minimum(turns.reach / _WHOLE, 1) ** 2, bent)
-        is_moved = self.is_moved | (_sizes(motion.spins - before.spins) > _STEADY * sizes)
+        is_moved = self.is_moved | (length(motion.spins - before.spins) > _STEADY * sizes)
         off = jnp.where(turns.often & is_moved, sizes, 0) * jnp.abs(early[0])
         around = jnp.where(rounds.often & rounds.whirls, rounds.path, 0) * jnp.abs(early[1])
         around *= jnp.minimum(bent, 1) / jnp.where(time > 0, time, 1)
         if bounces is not None and touching is not None:
-            bounces = bounces.follow(touching, ratio * early[1])
+            bounces = bounces.follow(touching, length(motion.velocities), ratio * early[1])
             # One that hops along a floor turns its direction one way as it flies, and not back.
             around = jnp.where(bounces.often, 0, around)
         angle = jnp.maximum(self.angle, jnp.max(jnp.where(turns.whirls, off, 0)))
@@ -188,10 +188,6 @@ class Phase(NamedTuple):
         return self.bounces.off(jnp.where(self.turns.whirls, 0, self.turns.reach))
 
 
-def _sizes(x: Float[Array, "bodies axes"]) -> Float[Array, " bodies"]:
-    return jnp.sqrt(jnp.sum(x**2, axis=1))
-
-
 def _turn(
     before: Float[Array, "bodies k"], after: Float[Array, "bodies k"]
 ) -> Float[Array, "bodies axes"]:
@@ -201,7 +197,7 @@ def _turn(
     if before.shape[1] == 1:
         return after - before
     sine = quaternions.apply(quaternions.space_matrix(before), after)
-    cosine, size = jnp.sum(before * after, axis=1), _sizes(sine)
+    cosine, size = jnp.sum(before * after, axis=1), length(sine)
     turn = 2 * jnp.arctan2(size, jnp.abs(cosine)) * jnp.sign(cosine)
     return sine * (turn / jnp.where(size > 0, size, 1))[:, None]
 
@@ -243,12 +239,12 @@ def shares_of(
     - `speeds`: the angular velocities of bodies, or their velocities, and `speed_errors` by e_q
       and e_v.
     """
-    # The derivative of the size of nothing is infinite.
+    # No derivative is taken of findings.
     parts = jax.lax.stop_gradient((energy, v, errors, speeds, speed_errors))
     energy, v, (of_q, of_v), speeds, (moved, faster) = parts
     change = multiply(energy.slope, of_q) + multiply(energy.momentum, of_v)
-    own = jnp.linalg.norm(faster, axis=1) * 2 * energy.kinetic
-    own += jnp.linalg.norm(moved, axis=1) * jnp.abs(multiply(energy.slope, v))
+    own = length(faster) * 2 * energy.kinetic
+    own += length(moved) * jnp.abs(multiply(energy.slope, v))
     own *= _SCATTER
-    whole = jnp.linalg.norm(speeds, axis=1) * jnp.abs(change)
+    whole = length(speeds) * jnp.abs(change)
     return jnp.where(own < whole, own / jnp.where(whole > 0, whole, 1), 1.0)
